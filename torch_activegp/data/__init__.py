@@ -1,5 +1,6 @@
 """Recordings of machines: loaded, checked, and turned into TensorDicts."""
 
+from torch_activegp.data.angles import unwrap_angles
 from torch_activegp.data.columns import ColumnMap, ColumnRule
 from torch_activegp.data.emps import emps_model, load_emps
 from torch_activegp.data.loading import load_recordings
@@ -24,4 +25,5 @@ __all__ = [
     "noise_std",
     "resample",
     "to_transitions",
+    "unwrap_angles",
 ]

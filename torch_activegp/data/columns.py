@@ -21,8 +21,8 @@ A TOML file with one line for each canonical column. The value is the file's own
 ``offset``          added last, in SI units
 ==================  ================================================================================================
 
-The value is ``sign * scale * unit * raw + offset``. Columns of the file that already have canonical names are taken as they
-are, all others are left out, and the recording's notes say which.
+The value is ``sign * scale * unit * raw + offset``. Columns of the file that already have canonical names are taken as
+they are, all others are left out, and the recording's notes say which.
 """
 
 from __future__ import annotations
@@ -185,12 +185,14 @@ def _refuse_unknown(table: pd.DataFrame, where: str) -> None:
         if not is_canonical(name):
             raise DataError(
                 f"{where}: unknown column `{name}`. Columns are `time` [s], `qpos.<joint>`, `qvel.<joint>`, "
-                "`ctrl.<actuator>`, `qfrc.<joint>` and `run`; rename it, or map the columns that you need with a column "
-                "map (--columns MAP.toml), which leaves all others out."
+                "`ctrl.<actuator>`, `qfrc.<joint>` and `run`; rename it, or map the columns that you need with a "
+                "column map (--columns MAP.toml), which leaves all others out."
             )
 
 
 def _floats(series: pd.Series, where: str, column: str) -> np.ndarray:
+    if pd.api.types.is_datetime64_any_dtype(series):
+        raise DataError(f"{where}, column `{column}`: seconds wanted, found time stamps. Subtract the first one.")
     numbers = pd.to_numeric(series, errors="coerce")
     text = np.flatnonzero((numbers.isna() & series.notna()).to_numpy() & (series.astype(str).str.lower() != "nan"))
     if text.size:

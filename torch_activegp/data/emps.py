@@ -8,7 +8,8 @@ The held-out file has a column ``pulses_N`` with steps of 5. They are no externa
 edge, and in a regression of the force balance they get the factor -0.03 where a force in newtons would get 1 (or -1).
 They were added to the motor's voltage, ``vir`` holds them already, and so the column is left out.
 
-Reference: Janot, Gautier, Brunot, *Data Set and Reference Models of EMPS*, Nonlinear System Identification Benchmarks 2019.
+Reference: Janot, Gautier, Brunot, *Data Set and Reference Models of EMPS*, Nonlinear System Identification Benchmarks
+2019.
 """
 
 from __future__ import annotations
@@ -32,7 +33,8 @@ def load_emps(split: str = "train") -> Recording:
         split: ``"train"``, or ``"test"`` for the recording with the pulses.
 
     Raises:
-        DataError: if the split is unknown, or the file is neither in the folder ``TORCH_ACTIVEGP_DATA`` nor on the network.
+        DataError: if the split is unknown, or the file is neither in the folder that ``TORCH_ACTIVEGP_DATA`` names nor
+            to be had from the network.
     """
     if split not in EMPS_FILES:
         raise DataError(f"EMPS has no split `{split}`: one of {', '.join(EMPS_FILES)} wanted.")

@@ -17,8 +17,8 @@ def local_slope(time: Tensor, values: Tensor, window: int) -> Tensor:
     """Differentiate a signal: at each row, the slope of the cubic that fits the window around it best.
 
     At the ends, the first and the last full window serve all rows that they cover. On a regular clock (steps equal to
-    0.1 %) this is the filter of Savitzky and Golay; otherwise each window is a least-squares problem of its own with the
-    true times.
+    0.1 %) this is the filter of Savitzky and Golay; otherwise each window is a least-squares problem of its own with
+    the true times.
 
     Args:
         time: clock ``(T,)``, s, increasing.
@@ -31,8 +31,8 @@ def local_slope(time: Tensor, values: Tensor, window: int) -> Tensor:
     Raises:
         ConfigurationError: if the window is even, below 5 or longer than the signal.
 
-    Reference: Savitzky, Golay, *Smoothing and Differentiation of Data by Simplified Least Squares Procedures*, Analytical
-    Chemistry 36 (1964).
+    Reference: Savitzky, Golay, *Smoothing and Differentiation of Data by Simplified Least Squares Procedures*,
+    Analytical Chemistry 36 (1964).
     """
     if window % 2 == 0 or not DEGREE < window <= len(time):
         raise ConfigurationError(f"window: an odd number from {DEGREE + 2} to {len(time)} rows wanted, found {window}.")

@@ -13,17 +13,19 @@ _ORDERS = (4, 6, 8)
 _MAD_TO_STD = 1.4826
 
 
-def noise_std(signal: Tensor) -> float:
+def noise_std(signal: Tensor, time: Tensor | None = None) -> float:
     """Estimate the standard deviation of white measurement noise on a smooth signal.
 
-    Differences of order p remove the signal and leave noise of variance ``binomial(2 p, p) sigma^2``; their median absolute
-    deviation is robust to jumps. Of the orders 4, 6 and 8 the smallest estimate counts, because what is left of the
-    signal itself can only add. A quantised signal has at least the noise of its step, ``step / sqrt(12)``.
+    Divided differences of order p, scaled to weights of norm 1, remove any polynomial of lower degree and leave noise
+    of variance sigma^2; their median absolute value is robust to jumps. Of the orders 4, 6 and 8 the smallest estimate
+    counts, because what is left of the signal itself can only add. A quantised signal has at least the noise of its
+    step, ``step / sqrt(12)``.
 
     Noise that a filter in the encoder has made smooth is underestimated.
 
     Args:
-        signal: ``(T,)`` at steady clock, T >= 9.
+        signal: ``(T,)``, T >= 9.
+        time: clock ``(T,)``, s, increasing; None for a steady clock.
 
     Returns:
         Standard deviation in the unit of the signal; 0 for a constant signal.
@@ -39,12 +41,17 @@ def noise_std(signal: Tensor) -> float:
     if signal.ndim != 1 or len(signal) <= max(_ORDERS):
         raise DataError(f"a noise floor needs {max(_ORDERS) + 1} values or more, found shape {tuple(signal.shape)}.")
     signal = signal.double()
-    floors = []
-    for order in _ORDERS:
-        differences = torch.diff(signal, n=order)
-        spread = _MAD_TO_STD * torch.median(torch.abs(differences)).item()
-        floors.append(spread / math.sqrt(math.comb(2 * order, order)))
-    return max(min(floors), _quantum(signal) / math.sqrt(12))
+    time = torch.arange(len(signal)) if time is None else time / torch.diff(time).median()
+    floor = min(float(_differences(time.double(), signal, order).abs().median()) for order in _ORDERS)
+    return max(_MAD_TO_STD * floor, _quantum(signal) / math.sqrt(12))
+
+
+def _differences(time: Tensor, signal: Tensor, order: int) -> Tensor:
+    """Divided differences ``(T - order,)`` of one order, with weights of norm 1."""
+    clock = time.unfold(0, order + 1, 1)
+    apart = clock[:, :, None] - clock[:, None, :] + torch.eye(order + 1, dtype=clock.dtype)
+    weights = 1 / apart.prod(dim=-1)
+    return (weights * signal.unfold(0, order + 1, 1)).sum(dim=-1) / weights.norm(dim=-1)
 
 
 def _quantum(signal: Tensor) -> float:

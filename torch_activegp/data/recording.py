@@ -125,11 +125,12 @@ class Recording:
         seconds = float(self.time[-1] - self.time[0])
         missing = [joint for joint in self.joints if f"qvel.{joint}" not in self]
         velocities = "no velocities" if len(missing) == len(self.joints) else f"no velocity of {', '.join(missing)}"
-        return (
-            f"{self.label}: {len(self)} rows, {seconds:.6g} s at {1 / self.dt:.6g} Hz; joints {', '.join(self.joints)}; "
-            + (f"actuators {', '.join(self.actuators)}" if self.actuators else "no actuators")
-            + (f"; {velocities}" if missing else "")
-        )
+        parts = [
+            f"{self.label}: {len(self)} rows, {seconds:.6g} s at {1 / self.dt:.6g} Hz",
+            f"joints {', '.join(self.joints)}",
+            f"actuators {', '.join(self.actuators)}" if self.actuators else "no actuators",
+        ]
+        return "; ".join([*parts, velocities] if missing else parts)
 
     def __repr__(self) -> str:
         return f"<Recording {self}>"

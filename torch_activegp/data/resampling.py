@@ -21,7 +21,8 @@ def resample(recording: Recording, dt: float) -> Recording:
     them better.
 
     Args:
-        recording: one run; its clock may be irregular.
+        recording: one run, without leaps of its angles (:func:`~torch_activegp.data.unwrap_angles`); its clock may be
+            irregular.
         dt: new time step, s, at least the recording's own.
 
     Returns:

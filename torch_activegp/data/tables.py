@@ -21,9 +21,10 @@ def read_table(path: Path) -> pd.DataFrame:
     """Read a file's columns as they are.
 
     Args:
-        path: ``.csv``, ``.tsv``, ``.txt`` (separated by comma, semicolon, tab or white space, with a header), ``.parquet``,
-            ``.npz`` (one array a column), ``.h5`` or ``.hdf5`` (one data set a column; in groups, ``qpos/elbow`` is
-            ``qpos.elbow``), ``.mat`` (version 7 or older, one vector a column), or a folder written by :meth:`tensordict.TensorDict.memmap`.
+        path: ``.csv``, ``.tsv``, ``.txt`` (separated by comma, semicolon, tab or white space, with a header),
+            ``.parquet``, ``.npz`` (one array a column), ``.h5`` or ``.hdf5`` (one data set a column; in groups,
+            ``qpos/elbow`` is ``qpos.elbow``), ``.mat`` (version 7 or older, one vector a column), or a folder written
+            by :meth:`tensordict.TensorDict.memmap`.
 
     Returns:
         One row a sample, columns by the file's own names.
@@ -64,7 +65,7 @@ def _read_text(path: Path) -> pd.DataFrame:
 
 
 def _read_npz(path: Path) -> pd.DataFrame:
-    with np.load(path, allow_pickle=False) as arrays:
+    with path.open("rb") as file, np.lib.npyio.NpzFile(file, allow_pickle=False) as arrays:
         return _from_arrays({name: arrays[name] for name in arrays.files}, path)
 
 

@@ -22,14 +22,14 @@ def to_transitions(
 
     Args:
         recordings: runs; no transition leads from one to another.
-        state_names: canonical columns that form the state, in the model's order, such as ``qpos.elbow``, ``qvel.elbow``.
-        action_names: canonical columns that form the action: ``ctrl.<actuator>``, ``qfrc.<joint>``. A force that was not
-            recorded is zero.
+        state_names: canonical columns that form the state, in the model's order, such as ``qpos.elbow``.
+        action_names: canonical columns that form the action: ``ctrl.<actuator>``, ``qfrc.<joint>``. A force that was
+            not recorded is zero.
         dt: the model's time step, s; every step of the recordings must then agree to 1 %.
 
     Returns:
-        TensorDict of batch ``(N,)``, float64: ``state`` ``(N, d)``, ``action`` ``(N, m)``, ``("next", "state")`` ``(N, d)``,
-        ``time`` ``(N,)`` s, and ``run`` ``(N,)``, the index of the recording.
+        TensorDict of batch ``(N,)``, float64: ``state`` ``(N, d)``, ``action`` ``(N, m)``, ``("next", "state")``
+        ``(N, d)``, ``time`` ``(N,)`` s, and ``run`` ``(N,)``, the index of the recording.
 
     Raises:
         DataError: if there is no recording, a column is missing, or a time step differs from ``dt``.
@@ -53,7 +53,8 @@ def _pair(
         if len(off):
             raise DataError(
                 f"{recording.label}: a step of {dt:.6g} s wanted, found {float(steps[off[0]]):.6g} s after "
-                f"{float(recording.time[off[0]]):.6g} s. Bring it to the model's step with `resample(recording, {dt:.6g})`."
+                f"{float(recording.time[off[0]]):.6g} s. "
+                f"Bring it to the model's step with `resample(recording, {dt:.6g})`."
             )
     state = torch.stack([_column(recording, name) for name in state_names], dim=-1)
     actions = [_column(recording, name) for name in action_names]

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-
 import numpy as np
 import torch
 from scipy.signal import savgol_coeffs
@@ -19,24 +17,24 @@ _SHARE = 3
 _BIAS = 2.0
 
 
-def estimate_velocities(recording: Recording, angles: Sequence[str] = (), window: int | None = None) -> Recording:
+def estimate_velocities(recording: Recording, window: int | None = None) -> Recording:
     """Add ``qvel.<joint>`` for each joint that has a position and no velocity.
 
     The velocity is the slope of a cubic fitted to a sliding window, see
-    :func:`~torch_activegp.data.local_polynomial.local_slope`; the window is chosen by :func:`choose_window`. It looks into
-    the future by half a window, so it is for learning from recordings and not for control.
+    :func:`~torch_activegp.data.local_polynomial.local_slope`; the window is chosen by :func:`choose_window`. It looks
+    into the future by half a window, so it is for learning from recordings and not for control.
 
     Args:
-        recording: one run.
-        angles: joints whose recorded angle may leap by a turn; the leaps are taken out before the slope is taken. The
-            position itself stays as it was recorded.
+        recording: one run, without leaps of its angles (:func:`~torch_activegp.data.unwrap_angles`).
         window: rows in the window, odd, for all joints; None chooses one for each joint.
 
     Returns:
-        The recording with velocities, rad/s or m/s, and a note that names the windows; the same recording if it has all.
+        The recording with velocities, rad/s or m/s, and a note that names the windows; the same recording if none is
+        missing.
 
     Raises:
-        DataError: if the run is too short, or ``angles`` names a joint that was not recorded.
+        DataError: if the run is too short to choose a window.
+        ConfigurationError: if ``window`` is even, below 5 or longer than the run.
 
     >>> t = torch.arange(100) * 0.01
     >>> recording = Recording.from_columns("swing", {"time": t, "qpos.elbow": torch.sin(t)})
@@ -44,11 +42,6 @@ def estimate_velocities(recording: Recording, angles: Sequence[str] = (), window
     >>> bool((velocity - torch.cos(t)).abs().max() < 1e-4)
     True
     """
-    unknown = [joint for joint in angles if f"qpos.{joint}" not in recording]
-    if unknown:
-        raise DataError(
-            f"{recording.label}: no position of the angle `{unknown[0]}`, found {', '.join(recording.joints)}."
-        )
     missing = [joint for joint in recording.joints if f"qvel.{joint}" not in recording]
     if not missing:
         return recording
@@ -56,7 +49,6 @@ def estimate_velocities(recording: Recording, angles: Sequence[str] = (), window
     windows = []
     for joint in missing:
         position = recording[f"qpos.{joint}"]
-        position = torch.from_numpy(np.unwrap(position.numpy())) if joint in angles else position
         rows = window or _choose(recording, position)
         velocities[f"qvel.{joint}"] = local_slope(recording.time, position, rows)
         windows.append(f"{joint} {rows} rows")
@@ -68,8 +60,9 @@ def choose_window(time: Tensor, values: Tensor, noise: float) -> int:
 
     A wider window averages more noise away but flattens what is not a cubic. Windows are tried from 5 rows upwards, in
     steps of about sqrt(2), up to a third of the signal. With slopes v of variance s^2 under white noise, a window is
-    accepted while ``mean (v - v_narrower)^2 <= s^2(v - v_narrower) + 2 s^2(v)``: the first term is what noise alone does,
-    the second lets the squared bias reach about the variance that is left. The first window that fails ends the search.
+    accepted while ``mean (v - v_narrower)^2 <= s^2(v - v_narrower) + 2 s^2(v)``: the first term is what noise alone
+    does, the second lets the squared bias reach about the variance that is left. The first window that fails ends the
+    search.
 
     Args:
         time: clock ``(T,)``, s.
@@ -103,7 +96,7 @@ def _choose(recording: Recording, position: Tensor) -> int:
             f"{recording.label}: too short for velocities, {3 * WINDOWS[0]} rows wanted, found {len(recording)}. "
             "Record longer, give a `window`, or record the velocity."
         )
-    return choose_window(recording.time, position, noise_std(position))
+    return choose_window(recording.time, position, noise_std(position, recording.time))
 
 
 def _weights(window: int, dt: float) -> np.ndarray:

@@ -121,7 +121,7 @@ class DynamicsGP(TrainingData, gpytorch.models.ExactGP):
         before, posterior = self.count, self._fresh_cache()
         self._counts[1] += z.shape[0]
         self.add_points(z, targets)
-        if posterior is not None and self.noise_schedule.holds(before, self.count):
+        if posterior is not None and posterior.num_points and self.noise_schedule.holds(before, self.count):
             self._append(posterior, z, targets)
         else:
             self._cache = None

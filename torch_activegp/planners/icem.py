@@ -100,11 +100,12 @@ class ICEMPlanner(MPCPlannerBase):
                 "Keep one of them with a transform."
             )
         sampling = Sampling() if sampling is None else sampling
-        low, high = sampling.bounds(env.action_spec)
+        spec = env.full_action_spec[env.action_key]
+        low, high = sampling.bounds(spec)
         super().__init__(env, action_key=env.action_key)
-        for name in ("module", "env"):  # the base classes register the env, which would make its parameters ours
-            del self._modules[name]
-            self.__dict__[name] = env
+        del self._modules["module"], self._modules["env"]  # registered by the base classes: its parameters are not ours
+        self.__dict__["env"] = env
+        self.action_spec = spec
         self.planning_horizon = planning_horizon
         self.optim_steps = optim_steps
         self.num_candidates = num_candidates
@@ -136,6 +137,11 @@ class ICEMPlanner(MPCPlannerBase):
     def reset(self) -> None:
         """Forget the last plan, as at the start of an episode; the generator goes on."""
         self.memory.forget()
+
+    @property
+    def module(self) -> EnvBase:
+        """The environment, under the name that TorchRL gives to what a module wraps."""
+        return self.env
 
     @property
     def device(self) -> torch.device:

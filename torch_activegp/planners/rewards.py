@@ -7,7 +7,7 @@ from torch import Tensor
 from torchrl.envs import EnvBase
 from torchrl.modules.planners.common import _mask_post_done_reward, _planning_done_keys
 
-from torch_activegp.errors import ShapeError
+from torch_activegp.errors import ConfigurationError, ShapeError
 
 
 def can_imagine(env: EnvBase) -> bool:
@@ -58,6 +58,7 @@ def rollout_rewards(env: EnvBase, tensordict: TensorDictBase, actions: Tensor, r
         Rewards, ``(*B, C, H)``.
 
     Raises:
+        ConfigurationError: the rollout has no such key.
         ShapeError: the reward is not one number for each candidate and step.
     """
     batch = actions.shape[:-2]
@@ -73,10 +74,18 @@ def rollout_rewards(env: EnvBase, tensordict: TensorDictBase, actions: Tensor, r
         break_when_any_done=False,
         trust_policy=True,
     )
-    rewards = _mask_post_done_reward(path, reward_key, _planning_done_keys(env), time_dim=len(batch))
+    rewards = path.get(reward_key, None)
+    if rewards is None:
+        raise ConfigurationError(f"A rollout of {type(env).__name__} has no {reward_key!r}; found {_leaves(path)}.")
     if rewards.shape not in (actions.shape[:-1], (*actions.shape[:-1], 1)):
         raise ShapeError(
             f"The reward {reward_key!r} must be one number for each candidate and step, "
             f"{(*actions.shape[:-1], 1)}; found {tuple(rewards.shape)}. Sum it in the env or with a transform."
         )
-    return rewards.reshape(actions.shape[:-1])
+    path.set(reward_key, rewards.reshape(*actions.shape[:-1], 1))
+    masked = _mask_post_done_reward(path, reward_key, _planning_done_keys(env), time_dim=len(batch))
+    return masked.squeeze(-1)
+
+
+def _leaves(tensordict: TensorDictBase) -> list[NestedKey]:
+    return list(tensordict.keys(include_nested=True, leaves_only=True))

@@ -91,7 +91,8 @@ class Sampling:
             low = torch.maximum(low, _vector("action_low", self.action_low, low))
         if self.action_high is not None:
             high = torch.minimum(high, _vector("action_high", self.action_high, high))
-        if not bool(((high - low).isfinite() & (low < high)).all()):
+        largest = torch.finfo(low.dtype).max  # TorchRL's infinity
+        if not bool(((low > -largest) & (low < high) & (high < largest)).all()):
             raise ConfigurationError(
                 f"ICEMPlanner needs finite bounds with low < high for every action; found low {low.tolist()} and "
                 f"high {high.tolist()}. Give the env a Bounded action spec or pass "

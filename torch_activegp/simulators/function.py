@@ -4,11 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Callable
 
-import torch
 from torch import Tensor
 
 from torch_activegp.errors import SimulationError
-from torch_activegp.simulators.base import Simulator
+from torch_activegp.simulators.base import Simulator, broadcast_batch
 from torch_activegp.simulators.space import ActionSpace, StateSpace
 
 
@@ -26,6 +25,7 @@ class FunctionSimulator(Simulator):
         ConfigurationError: ``dt`` is not positive.
 
     Example:
+        >>> import torch
         >>> drift = FunctionSimulator(lambda state, action: state + 0.1 * action, 2, 2, dt=0.1)
         >>> drift(torch.zeros(5, 2), torch.ones(5, 2)).shape
         torch.Size([5, 2])
@@ -58,9 +58,7 @@ class FunctionSimulator(Simulator):
 
     def _check_result(self, result: Tensor, state: Tensor, action: Tensor) -> None:
         if isinstance(result, Tensor):
-            if result.shape == state.shape and state.shape[:-1] == action.shape[:-1]:
-                return
-            wanted = (*torch.broadcast_shapes(state.shape[:-1], action.shape[:-1]), self.state_dim)
+            wanted = (*broadcast_batch(state.shape[:-1], action.shape[:-1]), self.state_dim)
             if result.shape == wanted:
                 return
             found = f"shape {tuple(result.shape)}"

@@ -10,7 +10,7 @@ import torch
 from torch import Tensor
 
 from torch_activegp.errors import ConfigurationError, SimulationError
-from torch_activegp.simulators.base import Simulator
+from torch_activegp.simulators.base import Simulator, broadcast_batch
 from torch_activegp.simulators.mujoco_batch import Array, BatchRunner
 from torch_activegp.simulators.mujoco_layout import Bounds, action_space, state_space
 from torch_activegp.simulators.mujoco_model import ModelSource, load_model
@@ -94,7 +94,7 @@ class MujocoSimulator(Simulator):
             SimulationError: an input requires a gradient.
         """
         self._refuse_gradients(state, action)
-        batch = torch.broadcast_shapes(state.shape[:-1], action.shape[:-1])
+        batch = broadcast_batch(state.shape[:-1], action.shape[:-1])
         after = self._runner.step(
             _rows(state.expand(*batch, -1), 1), _rows(action.expand(*batch, -1), 1), self.frame_skip
         )

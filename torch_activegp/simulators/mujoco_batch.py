@@ -5,8 +5,6 @@ from __future__ import annotations
 import logging
 import os
 import threading
-from collections.abc import Iterator
-from contextlib import contextmanager
 from typing import Any
 
 import mujoco
@@ -15,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from torch_activegp.errors import ConfigurationError
+from torch_activegp.simulators.mujoco_warnings import warnings_to
 
 Array = NDArray[np.float64]
 
@@ -44,6 +43,7 @@ class BatchRunner:
         self._lock = threading.Lock()
         self._batch: mujoco.batch.Batch | None = None
         self._reset_row: Array | None = None
+        self._views: dict[str, Array] = {}
         self._pid = os.getpid()
 
     def __getstate__(self) -> dict[str, Any]:
@@ -63,17 +63,17 @@ class BatchRunner:
         Returns:
             ``(n, nq + nv + na)``; NaN in the rows of simulations that MuJoCo warned about or could not finish.
         """
-        with self._lock, _quiet():
+        with self._lock, warnings_to(_logger.debug):
             batch, ids = self._load(physics)
             nu, count = self.model.nu, len(physics)
-            batch.bind("ctrl")[:count] = control[:, :nu]
+            self._views["ctrl"][:count] = control[:, :nu]
             if self.external_force:
-                batch.bind("qfrc_applied")[:count] = control[:, nu:]
+                self._views["qfrc_applied"][:count] = control[:, nu:]
             try:
                 batch.step(ids, nstep)
             except mujoco.batch.SimulationError as error:
                 _logger.debug("%s", error)
-            after = np.concatenate([batch.bind(name)[:count] for name in ("qpos", "qvel", "act")], axis=-1)
+            after = np.concatenate([self._views[name][:count] for name in ("qpos", "qvel", "act")], axis=-1)
             after[self._failed(batch, count)] = np.nan
             return after
 
@@ -89,7 +89,7 @@ class BatchRunner:
             ``(n, T, nq + nv + na)``; NaN in a row from the control on at which MuJoCo warned or could not finish.
         """
         spec = _STATE.mjSTATE_CTRL.value | (_STATE.mjSTATE_QFRC_APPLIED.value if self.external_force else 0)
-        with self._lock, _quiet():
+        with self._lock, warnings_to(_logger.debug):
             batch, ids = self._load(physics)
             repeated = np.repeat(controls, nstep, axis=1)
             shape = (*repeated.shape[:2], 1 + physics.shape[-1])
@@ -107,9 +107,9 @@ class BatchRunner:
         count, model = len(physics), self.model
         batch = self._batch_for(count)
         batch.state[:count] = self._reset_row
-        batch.bind("qpos")[:count] = physics[:, : model.nq]
-        batch.bind("qvel")[:count] = physics[:, model.nq : model.nq + model.nv]
-        batch.bind("act")[:count] = physics[:, model.nq + model.nv :]
+        self._views["qpos"][:count] = physics[:, : model.nq]
+        self._views["qvel"][:count] = physics[:, model.nq : model.nq + model.nv]
+        self._views["act"][:count] = physics[:, model.nq + model.nv :]
         batch.warning[:count] = 0
         return batch, None if count == batch.nsim else np.arange(count, dtype=np.int32)
 
@@ -122,9 +122,12 @@ class BatchRunner:
             try:
                 self._batch = mujoco.batch.Batch(self.model, capacity, self.nthread or _usable_cores())
             except ValueError as error:
-                raise ConfigurationError(f"MuJoCo cannot run this model in batches: {error}") from error
+                raise ConfigurationError(
+                    f"MuJoCo cannot run this model in batches: {error}. Turn that feature off in the model."
+                ) from error
             self._pid = os.getpid()
             self._reset_row = self._batch.state[0].copy()
+            self._views = {name: self._batch.bind(name) for name in ("qpos", "qvel", "act", "ctrl", "qfrc_applied")}
         return self._batch
 
     @staticmethod
@@ -143,28 +146,3 @@ def _usable_cores() -> int:
     if hasattr(os, "sched_getaffinity"):
         return len(os.sched_getaffinity(0))
     return os.cpu_count() or 1
-
-
-class _Quiet:
-    """Counts the calls under way, because MuJoCo has one warning handler for the whole process."""
-
-    lock = threading.Lock()
-    depth = 0
-    previous: Any = None
-
-
-@contextmanager
-def _quiet() -> Iterator[None]:
-    """Sends MuJoCo's warnings to the log; by default it prints them and writes a file into the working folder."""
-    with _Quiet.lock:
-        if _Quiet.depth == 0:
-            _Quiet.previous = mujoco.get_mju_user_warning()
-            mujoco.set_mju_user_warning(_logger.debug)
-        _Quiet.depth += 1
-    try:
-        yield
-    finally:
-        with _Quiet.lock:
-            _Quiet.depth -= 1
-            if _Quiet.depth == 0:
-                mujoco.set_mju_user_warning(_Quiet.previous)

@@ -3,13 +3,18 @@
 from __future__ import annotations
 
 import copy
+import logging
 import os
+from collections.abc import Callable
 from pathlib import Path
 from typing import TypeAlias
 
 import mujoco
 
 from torch_activegp.errors import ConfigurationError
+from torch_activegp.simulators.mujoco_warnings import warnings_to
+
+_logger = logging.getLogger(__name__)
 
 ModelSource: TypeAlias = str | os.PathLike[str] | mujoco.MjSpec | mujoco.MjModel
 """Path of an MJCF, URDF or MJB file, MJCF text, or an object of MuJoCo's."""
@@ -31,15 +36,9 @@ def load_model(source: ModelSource) -> mujoco.MjModel:
     if isinstance(source, mujoco.MjModel):
         return copy.copy(source)
     if isinstance(source, mujoco.MjSpec):
-        try:
-            return source.copy().compile()
-        except ValueError as error:
-            raise ConfigurationError(f"MuJoCo cannot compile the MjSpec: {_one_line(error)}") from error
+        return _compiled("the MjSpec", source.copy().compile)
     if isinstance(source, str) and source.lstrip().startswith("<"):
-        try:
-            return mujoco.MjModel.from_xml_string(source)
-        except ValueError as error:
-            raise ConfigurationError(f"MuJoCo cannot compile the MJCF text: {_one_line(error)}") from error
+        return _compiled("the MJCF text", mujoco.MjModel.from_xml_string, source)
     if isinstance(source, str | os.PathLike):
         return _load_file(Path(source))
     raise ConfigurationError(
@@ -51,11 +50,12 @@ def _load_file(path: Path) -> mujoco.MjModel:
     if not path.is_file():
         raise ConfigurationError(f"wanted an MJCF file, found no file `{path}` (working folder: {Path.cwd()}).")
     read = mujoco.MjModel.from_binary_path if path.suffix == ".mjb" else mujoco.MjModel.from_xml_path
+    return _compiled(f"`{path}`", read, str(path))
+
+
+def _compiled(what: str, build: Callable[..., mujoco.MjModel], *arguments: str) -> mujoco.MjModel:
     try:
-        return read(str(path))
+        with warnings_to(_logger.warning):
+            return build(*arguments)
     except ValueError as error:
-        raise ConfigurationError(f"MuJoCo cannot compile `{path}`: {_one_line(error)}") from error
-
-
-def _one_line(error: ValueError) -> str:
-    return " ".join(str(error).split())
+        raise ConfigurationError(f"MuJoCo cannot compile {what}: {' '.join(str(error).split())}") from error

@@ -100,7 +100,7 @@ class Pendulum(Simulator):
         else:
             theta, theta_dot = self.integrator(self._derivative, state, torque, self.dt).unbind(-1)
             theta_dot = theta_dot.clamp(-MAX_SPEED, MAX_SPEED)
-        return self.state_space.wrap(torch.stack((theta, theta_dot), dim=-1))
+        return self.state_space.wrap(torch.stack((theta, theta_dot), dim=-1)).to(state.dtype)
 
     def _third_of_acceleration(self, theta: Tensor, theta_dot: Tensor, torque: Tensor) -> Tensor:
         # The step is the inner loop of planners: this form has the fewest tensor operations.

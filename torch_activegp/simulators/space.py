@@ -268,4 +268,5 @@ class StateSpace(_Box):
         quaternion = self._quaternions_of(state)
         length = quaternion.norm(dim=-1, keepdim=True)
         identity = quaternion.new_tensor([1.0, 0.0, 0.0, 0.0])
-        return self._with_quaternions(state, torch.where(length > 0, quaternion / length.clamp(min=1e-300), identity))
+        zero = length == 0
+        return self._with_quaternions(state, torch.where(zero, identity, quaternion / torch.where(zero, 1.0, length)))

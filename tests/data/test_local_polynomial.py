@@ -1,0 +1,44 @@
+from __future__ import annotations
+
+import numpy as np
+import pytest
+import torch
+from scipy.signal import savgol_filter
+
+from torch_activegp.data.local_polynomial import local_slope
+from torch_activegp.errors import ConfigurationError
+
+
+def clock(jitter: float, generator: torch.Generator, rows: int = 60) -> torch.Tensor:
+    return 0.01 * (torch.arange(rows) + jitter * torch.rand(rows, generator=generator, dtype=torch.float64))
+
+
+@pytest.mark.parametrize("jitter", [0.0, 0.4])
+@pytest.mark.parametrize("window", [5, 13, 59])
+def test_the_slope_of_a_cubic_is_exact_at_every_row(jitter: float, window: int, generator: torch.Generator) -> None:
+    time = clock(jitter, generator)
+    values = 1 - 2 * time + 5 * time**2 - 7 * time**3
+    torch.testing.assert_close(local_slope(time, values, window), -2 + 10 * time - 21 * time**2, rtol=1e-7, atol=1e-7)
+
+
+def test_a_nearly_regular_clock_gives_nearly_the_filter_of_savitzky_and_golay(generator: torch.Generator) -> None:
+    time = clock(0.004, generator, rows=5000)  # too irregular for the filter, and longer than one chunk
+    values = torch.randn(5000, generator=generator, dtype=torch.float64)
+    expected = savgol_filter(values.numpy(), 25, 3, deriv=1, delta=0.01)
+    assert np.abs(local_slope(time, values, 25).numpy() - expected).max() < 0.01 * np.abs(expected).max()
+
+
+def test_each_row_is_an_ordinary_least_squares_fit(generator: torch.Generator) -> None:
+    time = clock(0.8, generator)
+    values = torch.randn(60, generator=generator, dtype=torch.float64)
+    slope = local_slope(time, values, 9)
+    for row, start in [(0, 0), (3, 0), (4, 0), (30, 26), (55, 51), (57, 51), (59, 51)]:
+        t = time[start : start + 9].numpy()
+        fit = np.polynomial.Polynomial.fit(t, values[start : start + 9].numpy(), 3).deriv()
+        assert slope[row].item() == pytest.approx(fit(time[row].item()), rel=1e-8)
+
+
+@pytest.mark.parametrize("window", [3, 6, 61])
+def test_an_impossible_window_is_refused(window: int, generator: torch.Generator) -> None:
+    with pytest.raises(ConfigurationError, match=f"odd number from 5 to 60 rows wanted, found {window}"):
+        local_slope(clock(0, generator), clock(0, generator), window)
