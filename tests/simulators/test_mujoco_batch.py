@@ -1,6 +1,8 @@
 from __future__ import annotations
 
 import copy
+import logging
+import os
 import pickle
 import subprocess
 import sys
@@ -144,10 +146,12 @@ def test_a_control_that_is_not_finite_spoils_the_rows_from_there_on() -> None:
         controls[0, position] = 1.0
 
 
-def test_an_engine_error_in_one_sample_loses_alone() -> None:
+@pytest.mark.parametrize("memory", ["7K", "16K"])  # the engine raises an error, or warns and goes on
+def test_an_engine_error_in_one_sample_loses_alone(memory: str, caplog) -> None:
+    caplog.set_level(logging.DEBUG)
     crowd = "".join('<body pos="0 0 .05"><freejoint/><geom type="box" size=".1 .1 .1"/></body>' for _ in range(6))
     model = mujoco.MjModel.from_xml_string(
-        f'<mujoco><size memory="16K"/><worldbody><geom type="plane" size="5 5 .1"/>{crowd}</worldbody></mujoco>'
+        f'<mujoco><size memory="{memory}"/><worldbody><geom type="plane" size="5 5 .1"/>{crowd}</worldbody></mujoco>'
     )
     physics = np.tile(np.concatenate([model.qpos0, np.zeros(model.nv)]), (2, 1))
     physics[1, 0 : model.nq : 7] = 3.0 * np.arange(6)  # side by side, and high above the floor
@@ -159,6 +163,7 @@ def test_an_engine_error_in_one_sample_loses_alone() -> None:
     assert np.isnan(rolled[0]).all()
     np.testing.assert_array_equal(after[1], one_by_one(model, physics[1:], np.zeros((1, 0)), 2)[0])
     np.testing.assert_array_equal(rolled[1, 0], after[1])
+    assert ("out of memory" in caplog.text) == (memory == "7K")
 
 
 @pytest.mark.parametrize(("size", "length"), [(0, 2), (3, 0)])
@@ -192,7 +197,7 @@ def test_calls_from_several_python_threads_do_not_mix() -> None:
         np.testing.assert_array_equal(result, wanted)
 
 
-@pytest.mark.skipif(not hasattr(__import__("os"), "fork"), reason="the platform has no fork")
+@pytest.mark.skipif(not hasattr(os, "fork"), reason="the platform has no fork")
 def test_a_forked_process_runs_on_threads_of_its_own() -> None:
     script = f"""
 import os, signal, mujoco, numpy as np
@@ -214,3 +219,13 @@ def test_a_model_that_cannot_run_in_batches_is_refused() -> None:
     model = mujoco.MjModel.from_xml_string(BOXES.replace('"0.005"/>', '"0.005"><flag sleep="enable"/></option>'))
     with pytest.raises(ConfigurationError, match="sleep .* Turn that feature off"):
         BatchRunner(model).step(np.zeros((1, model.nq + model.nv)), np.zeros((1, 0)), 1)
+
+
+def test_all_cores_are_used_where_the_platform_cannot_say_which(monkeypatch) -> None:
+    monkeypatch.delattr(os, "sched_getaffinity", raising=False)
+    monkeypatch.setattr(os, "cpu_count", lambda: 3)
+    model, physics, control = falling_boxes(8)
+    runner = BatchRunner(model)
+    runner.step(physics, control, 1)
+    assert runner._batch is not None
+    assert runner._batch.nthread == 3

@@ -75,10 +75,8 @@ def test_actions_are_controls_and_then_forces() -> None:
 def test_an_actuator_of_several_inputs_numbers_them() -> None:
     model = mujoco.MjModel.from_xml_string("""
 <mujoco><worldbody><body><joint name="a"/><geom size=".1"/></body></worldbody>
-<actuator><general name="pd" joint="a" gaintype="pid" biastype="pid" gainprm="1 0 1"/></actuator></mujoco>""")
-    names = action_space(model).names
-    assert len(names) == model.nu
-    assert names == (("ctrl.pd",) if model.nu == 1 else tuple(f"ctrl.pd.{index}" for index in range(model.nu)))
+<actuator><pid name="pd" joint="a" kp="1" kv="1" input="pos vel"/><motor name="m" joint="a"/></actuator></mujoco>""")
+    assert action_space(model).names == ("ctrl.pd.0", "ctrl.pd.1", "ctrl.m")
 
 
 def test_names_agree_with_the_engine() -> None:
@@ -86,7 +84,7 @@ def test_names_agree_with_the_engine() -> None:
     space = state_space(MIXED)
     data.joint("wheel").qpos[:] = 7.0
     data.joint("wheel").qvel[:] = 8.0
-    data.actuator("servo").act[:] = 9.0
+    data.act[MIXED.actuator("servo").actadr] = 9.0
     state = np.concatenate([data.qpos, data.qvel, data.act])
     assert [state[space.names.index(name)] for name in ("qpos.wheel", "qvel.wheel", "act.servo")] == [7.0, 8.0, 9.0]
 

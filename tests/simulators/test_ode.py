@@ -32,9 +32,9 @@ def rod(**options) -> OdeSimulator:
     return OdeSimulator(Rod(), space, ActionSpace(["u"], -2.0, 2.0), dt=0.05, **options)
 
 
-@pytest.mark.parametrize(("integrator", "substeps", "tolerance"), [(rk4, 1, 1e-5), (semi_implicit_euler, 2000, 2e-3)])
+@pytest.mark.parametrize(("integrator", "substeps", "tolerance"), [(rk4, 1, 1e-5), (semi_implicit_euler, 400, 5e-3)])
 def test_a_rollout_agrees_with_scipy_and_wraps_the_angle(integrator, substeps: int, tolerance: float) -> None:
-    actions = torch.tensor([[1.5], [-1.0], [0.5], [2.0]] * 5, dtype=torch.float64)
+    actions = torch.tensor([[1.5], [-1.0], [0.5], [2.0]] * 2, dtype=torch.float64)
     states = rod(integrator=integrator, substeps=substeps).rollout(
         torch.tensor([2.9, 4.0], dtype=torch.float64), actions
     )
