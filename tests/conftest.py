@@ -34,14 +34,19 @@ def torch_state_is_kept() -> Iterator[None]:
     before = _torch_state()
     yield
     after = _torch_state()
-    torch.set_default_dtype(before["default dtype"])
-    torch.set_default_device(before["default device"])
-    torch.set_grad_enabled(before["grad mode"])
-    torch.autograd.set_detect_anomaly(before["anomaly detection"])
-    torch.set_num_threads(before["number of threads"])
-    torch.use_deterministic_algorithms(before["deterministic algorithms"])
     leaks = [f"{name}: {before[name]} became {after[name]}" for name in before if before[name] != after[name]]
+    if leaks:  # only then: setting the default device, even to the same one, slows every later operation
+        _restore(before)
     assert not leaks, "global torch state leaked: " + "; ".join(leaks)
+
+
+def _restore(state: dict[str, object]) -> None:
+    torch.set_default_dtype(state["default dtype"])
+    torch.set_default_device(state["default device"])
+    torch.set_grad_enabled(state["grad mode"])
+    torch.autograd.set_detect_anomaly(state["anomaly detection"])
+    torch.set_num_threads(state["number of threads"])
+    torch.use_deterministic_algorithms(state["deterministic algorithms"])
 
 
 @pytest.fixture

@@ -1,0 +1,20 @@
+"""Acquisition functions: what an experiment is worth, as TensorDict modules."""
+
+from torch_activegp.acquisition.base import AcquisitionFunction
+from torch_activegp.acquisition.discrepancy import Discrepancy
+from torch_activegp.acquisition.random_score import RandomScore
+from torch_activegp.acquisition.safe_set import Box, SafeSet
+from torch_activegp.acquisition.spread import InformationGain, Spread
+from torch_activegp.acquisition.weighted_sum import WeightedSum, prior_discrepancy
+
+__all__ = [
+    "AcquisitionFunction",
+    "Box",
+    "Discrepancy",
+    "InformationGain",
+    "RandomScore",
+    "SafeSet",
+    "Spread",
+    "WeightedSum",
+    "prior_discrepancy",
+]

@@ -1,0 +1,6 @@
+"""Collectors: where episodes start, and how they reach the replay buffer."""
+
+from torch_activegp.collectors.episodes import EpisodeCollector
+from torch_activegp.collectors.start import LargestScoreStart
+
+__all__ = ["EpisodeCollector", "LargestScoreStart"]

@@ -1,0 +1,218 @@
+"""The column map: how the columns of a user's file become canonical columns in SI units.
+
+A TOML file with one line for each canonical column. The value is the file's own name of the column, or a table::
+
+    time       = { column = "t", unit = "ms" }
+    run        = "trial"                        # rows with equal values belong to one run
+    qpos.elbow = { column = "enc1", unit = "counts", counts_per_turn = 4096, sign = -1 }
+    qpos.slide = { column = "x", unit = "mm", offset = 0.12 }
+    qvel.elbow = { column = "speed", unit = "rpm" }
+    ctrl.motor = "duty"
+    qfrc.slide = { scale = 9.81 }               # the file calls it `qfrc.slide` itself, in kgf
+    qpos."arm/elbow" = "q2"                     # quotes around a name with other characters than A-Z, a-z, 0-9, - and _
+
+==================  ================================================================================================
+``column``          name in the file; without it, the canonical name
+``unit``            time: s, ms, us, ns, min. qpos: rad, mrad, deg, turn, m, cm, mm, um, counts. qvel: the same per
+                    second ("deg/s"), and rpm. qfrc: N, kN, mN, "N m", "mN m". ctrl: any of these, V, mV, A, mA, 1, %
+``counts_per_turn``  encoder steps in one turn, with the unit counts or "counts/s"
+``sign``            1 or -1
+``scale``           a further factor, for anything that has no unit here
+``offset``          added last, in SI units
+==================  ================================================================================================
+
+The value is ``sign * scale * unit * raw + offset``. Columns of the file that already have canonical names are taken as
+they are, all others are left out, and the recording's notes say which.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import difflib
+import tomllib
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pandas as pd
+
+from torch_activegp.data.checks import KINDS, check_finite, is_canonical
+from torch_activegp.data.units import unit_factor
+from torch_activegp.errors import DataError
+
+
+@dataclasses.dataclass(frozen=True)
+class ColumnRule:
+    """One line of a column map: where a canonical column comes from, and ``factor * raw + offset`` to SI."""
+
+    column: str
+    factor: float = 1.0
+    offset: float = 0.0
+
+
+_SETTINGS: dict[str, tuple[type, ...]] = {
+    "column": (str,),
+    "unit": (str,),
+    "counts_per_turn": (int, float),
+    "sign": (int, float),
+    "scale": (int, float),
+    "offset": (int, float),
+}
+
+
+class ColumnMap:
+    """Renames, rescales and flips the columns of a table.
+
+    Args:
+        rules: rule by canonical name (``time``, ``run``, ``qpos.<joint>``, ...).
+        name: what messages call the map, usually the file's name.
+
+    >>> columns = ColumnMap.from_mapping({"time": {"column": "t", "unit": "ms"}, "qpos": {"elbow": "q"}})
+    >>> columns.apply(pd.DataFrame({"t": [0, 10], "q": [0.5, 0.6]}), "a.csv").columns.tolist()
+    ['time', 'qpos.elbow']
+    """
+
+    def __init__(self, rules: Mapping[str, ColumnRule] | None = None, name: str = "column map") -> None:
+        self.rules = dict(rules or {})
+        self.name = name
+
+    @classmethod
+    def from_toml(cls, path: str | Path) -> ColumnMap:
+        """Read a map from a TOML file.
+
+        Raises:
+            DataError: if there is no such file, it is not TOML, or a line of it cannot be used.
+        """
+        path = Path(path)
+        if not path.is_file():
+            raise DataError(f"{path}: no such file. Give the path of a TOML column map.")
+        try:
+            mapping = tomllib.loads(path.read_text(encoding="utf-8"))
+        except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
+            raise DataError(f"{path.name}: not a TOML file: {error}.") from error
+        return cls.from_mapping(mapping, path.name)
+
+    @classmethod
+    def from_mapping(cls, mapping: Mapping[str, Any], name: str = "column map") -> ColumnMap:
+        """Build a map from what TOML holds: nested by kind, or with ``"qpos.elbow"`` as one key.
+
+        Raises:
+            DataError: if a name is not canonical, or a setting is unknown, of a wrong type or contradicts another.
+        """
+        flat: dict[str, Any] = {}
+        for key, value in mapping.items():
+            if key in KINDS and isinstance(value, Mapping):
+                flat |= {f"{key}.{joint}": entry for joint, entry in value.items()}
+            else:
+                flat[key] = value
+        for key in flat:
+            if not is_canonical(key):
+                raise DataError(
+                    f"{name}: `{key}` is not a canonical column: `time`, `run` or `<kind>.<name>` wanted, kind one of "
+                    f"{', '.join(KINDS)}. The canonical name stands on the left, the file's own name on the right."
+                )
+        return cls({key: _rule(key, value, name) for key, value in flat.items()}, name)
+
+    def apply(self, table: pd.DataFrame, where: str) -> pd.DataFrame:
+        """Return the canonical columns of a raw table, in SI units, as float64 (``run`` as text).
+
+        Args:
+            table: raw columns by the file's names.
+            where: the file's name for the messages.
+
+        Raises:
+            DataError: if a column that the map names is missing, a column has no canonical name and there is no map, or
+                a cell is not a finite number; the message names file, column and row.
+        """
+        taken = {rule.column for rule in self.rules.values()}
+        own = {
+            str(name): ColumnRule(str(name)) for name in table.columns if is_canonical(str(name)) and name not in taken
+        }
+        rules = own | self.rules
+        if not self.rules:
+            _refuse_unknown(table, where)
+        return pd.DataFrame({key: self._column(table, key, rule, where) for key, rule in rules.items()})
+
+    def unused(self, table: pd.DataFrame) -> list[str]:
+        """Return the raw columns that this map leaves out."""
+        taken = {rule.column for rule in self.rules.values()}
+        return [str(name) for name in table.columns if name not in taken and not is_canonical(str(name))]
+
+    def _column(self, table: pd.DataFrame, key: str, rule: ColumnRule, where: str) -> Any:
+        if rule.column not in table.columns:
+            raise DataError(
+                f"{where}: no column `{rule.column}`, which {self.name} gives for `{key}`{_hint(rule.column, table)}; "
+                f"found {', '.join(map(str, table.columns))}."
+            )
+        series = table[rule.column]
+        if key == "run":
+            return _run_names(series, where)
+        return rule.factor * _floats(series, where, rule.column) + rule.offset
+
+
+def _rule(key: str, value: object, name: str) -> ColumnRule:
+    settings = {"column": value} if isinstance(value, str) else value
+    if not isinstance(settings, Mapping):
+        raise DataError(f"{name}: `{key}` wants the file's column name or a table of settings, found {value!r}.")
+    for setting, content in settings.items():
+        if setting not in _SETTINGS:
+            raise DataError(f"{name}: `{key}` has an unknown setting `{setting}`: use {', '.join(_SETTINGS)}.")
+        if isinstance(content, bool) or not isinstance(content, _SETTINGS[setting]):
+            raise DataError(f"{name}: `{setting}` of `{key}` is {content!r}: {_SETTINGS[setting][0].__name__} wanted.")
+    if key == "run":
+        return ColumnRule(settings.get("column", key))
+    return ColumnRule(settings.get("column", key), _factor(key, settings, name), float(settings.get("offset", 0.0)))
+
+
+def _factor(key: str, settings: Mapping[str, Any], name: str) -> float:
+    factor = float(settings.get("scale", 1.0))
+    if settings.get("sign", 1) not in (1, -1):
+        raise DataError(f"{name}: `sign` of `{key}` is {settings['sign']}: 1 or -1 wanted.")
+    if factor == 0 or not np.isfinite(factor):
+        raise DataError(f"{name}: `scale` of `{key}` is {factor}: a finite number other than 0 wanted.")
+    kind = key.partition(".")[0]
+    if "unit" in settings or "counts_per_turn" in settings:
+        try:
+            factor *= unit_factor(kind, settings.get("unit", "(none)"), settings.get("counts_per_turn"))
+        except DataError as error:
+            raise DataError(f"{name}, `{key}`: {error}") from error
+    return factor * settings.get("sign", 1)
+
+
+def _refuse_unknown(table: pd.DataFrame, where: str) -> None:
+    for name in map(str, table.columns):
+        if not is_canonical(name):
+            raise DataError(
+                f"{where}: unknown column `{name}`. Columns are `time` [s], `qpos.<joint>`, `qvel.<joint>`, "
+                "`ctrl.<actuator>`, `qfrc.<joint>` and `run`; rename it, or map the columns that you need with a "
+                "column map (--columns MAP.toml), which leaves all others out."
+            )
+
+
+def _floats(series: pd.Series, where: str, column: str) -> np.ndarray:
+    if pd.api.types.is_datetime64_any_dtype(series):
+        raise DataError(f"{where}, column `{column}`: seconds wanted, found time stamps. Subtract the first one.")
+    numbers = pd.to_numeric(series, errors="coerce")
+    text = np.flatnonzero((numbers.isna() & series.notna()).to_numpy() & (series.astype(str).str.lower() != "nan"))
+    if text.size:
+        raise DataError(
+            f"{where}, row {text[0] + 1}, column `{column}`: a number wanted, found {series.iloc[text[0]]!r}. "
+            "Mend the cell or drop the row."
+        )
+    values = numbers.to_numpy(dtype=np.float64, na_value=np.nan)
+    check_finite(values, where, column)
+    return values
+
+
+def _run_names(series: pd.Series, where: str) -> np.ndarray:
+    if series.isna().any():
+        row = int(np.flatnonzero(series.isna())[0]) + 1
+        raise DataError(f"{where}, row {row}, column `{series.name}`: the run's name is missing. Fill it in.")
+    whole = pd.api.types.is_float_dtype(series) and bool((series % 1 == 0).all())
+    return (series.astype("int64") if whole else series).astype(str).to_numpy(dtype=object)
+
+
+def _hint(column: str, table: pd.DataFrame) -> str:
+    near = difflib.get_close_matches(column, [str(name) for name in table.columns], n=1)
+    return f" (did you mean `{near[0]}`?)" if near else ""

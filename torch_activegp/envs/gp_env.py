@@ -1,0 +1,220 @@
+"""The GP as an environment to plan in: its reward is the acquisition function."""
+
+from __future__ import annotations
+
+import torch
+from tensordict import TensorDict, TensorDictBase
+from tensordict.nn import TensorDictModuleBase
+from tensordict.utils import NestedKey
+from torch import Tensor
+from torchrl.data import Bounded, Composite, Unbounded
+from torchrl.envs import ModelBasedEnvBase
+
+from torch_activegp import keys
+from torch_activegp.envs.transitions import MeanTransition, Transition
+from torch_activegp.errors import ConfigurationError
+from torch_activegp.means import EpisodicMean
+from torch_activegp.models import DynamicsGP
+from torch_activegp.models.cached_posterior import Features
+from torch_activegp.models.posterior_module import posterior_quantities
+from torch_activegp.simulators import ActionSpace
+
+
+class GPEnv(ModelBasedEnvBase):
+    """A TorchRL model-based environment that steps with the posterior and pays the acquisition function.
+
+    It accepts any batch shape. The acquisition function sees its own keys (:mod:`torch_activegp.keys`): the present
+    state and action, and the posterior there, never the new state under the same name. Planners that know
+    :meth:`imagine` skip ``rollout``: the trajectories follow the mean, and everything that only the score needs, the
+    variance above all, is then computed for all steps in one product.
+
+    Args:
+        gp: the model; its state space must have a name and bounds for each state.
+        score: acquisition function, a TensorDict module whose last ``out_key`` is the reward ``(..., 1)``.
+        action_space: default that of the simulator in the GP's mean.
+        transition: how an imagined step moves; default :class:`MeanTransition`. One with extra actions has them
+            appended to the controls in the planned action.
+        action_key: where the planned action ``(..., m + e)`` stands.
+        clip: keep imagined states within the bounds of the state space.
+        seed: of :meth:`reset`, which draws states within the bounds.
+
+    Raises:
+        ConfigurationError: there is no state space, or no action space.
+
+    Example:
+        >>> import gpytorch
+        >>> from torch_activegp.acquisition import Spread
+        >>> from torch_activegp.means import SimulatorMean
+        >>> from torch_activegp.simulators import Pendulum
+        >>> env = GPEnv(DynamicsGP(SimulatorMean(Pendulum()), gpytorch.kernels.RBFKernel()), Spread())
+        >>> env.rollout(3)["next", "reward"].shape
+        torch.Size([3, 1])
+    """
+
+    _supports_set_state = True
+
+    def __init__(
+        self,
+        gp: DynamicsGP,
+        score: TensorDictModuleBase,
+        *,
+        action_space: ActionSpace | None = None,
+        transition: Transition | None = None,
+        action_key: NestedKey = keys.ACTION,
+        clip: bool = True,
+        seed: int = 0,
+    ) -> None:
+        action_space = action_space or _action_space_of(gp)
+        if gp.state_space is None:
+            raise ConfigurationError("GPEnv: the GP has no state space. Pass DynamicsGP(..., state_space=...).")
+        transition = transition or MeanTransition()
+        model = _Imagination(gp, score, action_space, transition, action_key, clip)
+        device = gp.output_scale.device
+        super().__init__(model, device=device)
+        dtype, count = gp.output_scale.dtype, transition.num_extra_actions(gp.num_outputs)
+        state = Unbounded((gp.num_outputs,), dtype=dtype, device=device)
+        ones = torch.ones(count, dtype=dtype, device=device)
+        low, high = torch.cat([action_space.low.to(ones), -ones]), torch.cat([action_space.high.to(ones), ones])
+        self.observation_spec = Composite({keys.STATE: state}, device=device)
+        self.state_spec = Composite({keys.STATE: state.clone()}, device=device)
+        action = Composite(device=device)
+        action.set(action_key, Bounded(low, high, dtype=dtype, device=device))
+        self.full_action_spec = action
+        self.reward_spec = Unbounded((1,), dtype=dtype, device=device)
+        self.generator = torch.Generator().manual_seed(seed)
+
+    @property
+    def gp(self) -> DynamicsGP:
+        """The model that is planned in."""
+        return self.world_model.gp
+
+    def imagine(self, tensordict: TensorDictBase, actions: Tensor) -> Tensor:
+        """Score many action sequences at once, without ``rollout``.
+
+        Args:
+            tensordict: start states ``(*B, d)`` under ``"state"``.
+            actions: ``(*B, C, H, m + e)``, C candidates over a horizon H.
+
+        Returns:
+            The reward of each step, ``(*B, C, H)``.
+        """
+        return self.world_model.imagine(tensordict.get(keys.STATE), actions)
+
+    def _reset(
+        self, tensordict: TensorDictBase | None = None, set_state: bool | None = None, **kwargs: object
+    ) -> TensorDictBase:
+        shape = self.batch_size if tensordict is None else tensordict.shape
+        if set_state and tensordict is not None and keys.STATE in tensordict.keys():
+            state = tensordict.get(keys.STATE).clone()
+        else:
+            state = self.gp.state_space.sample(shape, self.generator)
+        return TensorDict({keys.STATE: state.to(self.gp.output_scale)}, batch_size=shape, device=self.device)
+
+    def _set_seed(self, seed: int | None) -> None:
+        if seed is not None:
+            self.generator.manual_seed(seed)
+
+    def get_extra_state(self) -> Tensor:
+        """The generator's state, so that a resumed run draws the same resets."""
+        return self.generator.get_state()
+
+    def set_extra_state(self, state: Tensor) -> None:
+        """Restore the generator."""
+        self.generator.set_state(state.cpu())
+
+
+class _Imagination(TensorDictModuleBase):
+    """One imagined step as a TensorDict module, and many as plain tensor operations."""
+
+    def __init__(
+        self,
+        gp: DynamicsGP,
+        score: TensorDictModuleBase,
+        action_space: ActionSpace,
+        transition: Transition,
+        action_key: NestedKey,
+        clip: bool,
+    ) -> None:
+        super().__init__()
+        self.gp = gp
+        self.score = score
+        self.action_space = action_space
+        self.transition = transition
+        self.action_key = action_key
+        self.clip = clip and bool(torch.isfinite(torch.cat([gp.state_space.low, gp.state_space.high])).all())
+        self.in_keys = [keys.STATE, action_key]
+        self.out_keys = [keys.STATE, keys.REWARD]
+
+    @property
+    def wanted(self) -> list[str]:
+        """The posterior quantities that the score reads."""
+        return [key for key in keys.POSTERIOR_KEYS if key in self.score.in_keys]
+
+    def forward(self, tensordict: TensorDictBase) -> TensorDictBase:
+        """One step from ``"state"`` and the planned action to the next state and the reward."""
+        state, planned = tensordict.get(keys.STATE), tensordict.get(self.action_key)
+        reward, following = self._score_step(state.reshape(-1, state.shape[-1]), planned.reshape(-1, planned.shape[-1]))
+        tensordict.set(keys.STATE, following.reshape(state.shape))
+        return tensordict.set(keys.REWARD, reward.reshape(*state.shape[:-1], 1))
+
+    def _score_step(self, state: Tensor, planned: Tensor) -> tuple[Tensor, Tensor]:
+        posterior = self.gp.posterior
+        controls, extra = self._split(planned)
+        z = torch.cat([state, controls], dim=-1)
+        names = list(dict.fromkeys([*self.transition.needs, *self.wanted]))
+        quantities = posterior_quantities(posterior, posterior.features(z), names)
+        following = self._move(quantities, extra)
+        return self._value(state, controls, quantities), following
+
+    @torch.no_grad()
+    def imagine(self, state: Tensor, actions: Tensor) -> Tensor:
+        """See :meth:`GPEnv.imagine`."""
+        *batch, candidates, horizon, _ = actions.shape
+        d, posterior = state.shape[-1], self.gp.posterior
+        state = state.unsqueeze(-2).expand(*batch, candidates, d).reshape(-1, d)
+        count = state.shape[0]
+        controls, extra = self._split(actions.reshape(count, horizon, -1).transpose(0, 1))
+        cross = state.new_empty(posterior.factor.inverse.shape[0], horizon * count, posterior.num_points)
+        visited, steps, collected = [], [], []
+        for t in range(horizon):
+            z = torch.cat([state, controls[t]], dim=-1)
+            features = posterior.features(z, out=cross[:, t * count : (t + 1) * count])
+            quantities = posterior_quantities(posterior, features, self.transition.needs)
+            visited.append(state)
+            steps.append(features)
+            collected.append(quantities)
+            state = self._move(quantities, extra[t])
+        joined = Features(
+            torch.cat([step.z for step in steps]),
+            cross,
+            torch.cat([step.simulator_loc for step in steps]),
+            torch.cat([step.outer for step in steps]),
+        )
+        quantities = {name: torch.cat([part[name] for part in collected]) for name in self.transition.needs}
+        late = [name for name in self.wanted if name not in quantities]
+        quantities |= posterior_quantities(posterior, joined, late)
+        value = self._value(torch.cat(visited), controls.reshape(horizon * count, -1), quantities)
+        return value.reshape(horizon, *batch, candidates).movedim(0, -1)
+
+    def _split(self, planned: Tensor) -> tuple[Tensor, Tensor]:
+        m = self.action_space.dim
+        return planned[..., :m], planned[..., m:]
+
+    def _move(self, quantities: dict[str, Tensor], extra: Tensor) -> Tensor:
+        space = self.gp.state_space
+        following = space.wrap(self.transition.next_state(quantities, extra))
+        return following.clamp(space.low, space.high) if self.clip else following
+
+    def _value(self, state: Tensor, controls: Tensor, quantities: dict[str, Tensor]) -> Tensor:
+        points = TensorDict(
+            {keys.STATE: state, keys.ACTION: controls, **quantities}, batch_size=state.shape[:-1], device=state.device
+        )
+        return self.score(points).get(self.score.out_keys[-1])
+
+
+def _action_space_of(gp: DynamicsGP) -> ActionSpace:
+    mean = gp.mean_module.base_mean if isinstance(gp.mean_module, EpisodicMean) else gp.mean_module
+    simulator = getattr(mean, "simulator", None)
+    if simulator is None:
+        raise ConfigurationError("GPEnv: the GP's mean wraps no simulator, so pass action_space=ActionSpace(...).")
+    return simulator.action_space

@@ -1,0 +1,210 @@
+"""Hyper-parameters by maximum a posteriori marginal likelihood, with outputs in standard units."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import gpytorch
+import numpy as np
+import torch
+from gpytorch.kernels import Kernel, RBFKernel, ScaleKernel
+from gpytorch.priors import LogNormalPrior
+from linear_operator.utils.cholesky import psd_safe_cholesky
+from scipy.optimize import minimize
+from torch import Tensor
+
+from torch_activegp.errors import ConfigurationError
+from torch_activegp.means import EpisodicMean, predict_mean
+from torch_activegp.models.dynamics_gp import DynamicsGP
+
+_SMALLEST_NOISE, _LARGEST_NOISE = 1e-8, 10.0
+_FLOOR = 1e-9
+
+
+@dataclass(frozen=True)
+class FitResult:
+    """What a fit arrived at.
+
+    Attributes:
+        loss: negative log posterior of the hyper-parameters, per point and output.
+        noise: relative noise variance; None where the schedule sets it.
+        output_scale: standard deviation of the residual of each output, ``(d,)``.
+        converged: whether the optimiser met its tolerance within its iterations.
+    """
+
+    loss: float
+    noise: float | None
+    output_scale: Tensor
+    converged: bool
+
+
+def scaled_rbf(low: Tensor, high: Tensor) -> ScaleKernel:
+    """An RBF kernel with one length-scale a dimension and priors in the units of the box.
+
+    The length-scale's log-normal prior has its median at a quarter of the range and a factor of 2.7 as one standard
+    deviation; the signal variance has median 1 (outputs are standardised).
+
+    Args:
+        low: lower ends of the inputs, ``(D,)``.
+        high: upper ends, ``(D,)``.
+
+    Raises:
+        ConfigurationError: an end is infinite, or a range is empty.
+    """
+    extent = high - low
+    if not bool((torch.isfinite(extent) & (extent > 0)).all()):
+        raise ConfigurationError(
+            f"Wanted finite, non-empty ranges, found {extent.tolist()}. Pass the smallest and largest input of your "
+            "data where the state space has no bounds."
+        )
+    median = extent.detach() / 4
+    base = RBFKernel(ard_num_dims=len(median), lengthscale_prior=LogNormalPrior(median.log(), torch.ones_like(median)))
+    kernel = ScaleKernel(base, outputscale_prior=LogNormalPrior(0.0, 1.0)).to(median)
+    base.lengthscale, kernel.outputscale = median, 1.0
+    return kernel
+
+
+def fit_hyperparameters(
+    gp: DynamicsGP,
+    *,
+    max_points: int = 500,
+    max_iterations: int = 50,
+    standardize: bool = True,
+    generator: torch.Generator | None = None,
+) -> FitResult:
+    """Fit kernel, noise and trainable mean parameters of a GP to its own data.
+
+    Each output's residual about the base mean (the simulator) is divided by its root mean square, so that one kernel
+    fits all outputs. All priors registered on the modules enter. The noise is fitted when the GP's schedule is
+    :class:`~torch_activegp.models.LearnedNoise`, else it keeps the schedule's value. Call it between episodes: after
+    :meth:`DynamicsGP.begin_episode`, which keeps a snapshot of the kernel that the past posterior was made with.
+
+    Args:
+        gp: its ``covar_module``, ``output_scale`` and ``likelihood`` are set in place.
+        max_points: a random subset of this size is fitted when there are more points.
+        max_iterations: of L-BFGS.
+        standardize: set ``output_scale`` to the root mean square residual; else it is left alone.
+        generator: picks the subset; one with seed 0 when None.
+
+    Returns:
+        What the fit arrived at.
+
+    Raises:
+        ConfigurationError: fewer than two points.
+
+    Reference: Rasmussen and Williams 2006, Eq. 5.8.
+    """
+    if gp.num_points < 2:
+        raise ConfigurationError(f"Wanted at least 2 points to fit, found {gp.num_points}. Collect an episode first.")
+    objective = _Objective(gp, _subset(gp, max_points, generator), standardize)
+    start = objective.pack()
+    with gpytorch.settings.lazily_evaluate_kernels(False):
+        result = minimize(objective, start, jac=True, method="L-BFGS-B", options={"maxiter": max_iterations})
+    best = result.x if result.fun <= objective(start)[0] else start
+    return objective.finish(best, bool(result.success))
+
+
+def _subset(gp: DynamicsGP, max_points: int, generator: torch.Generator | None) -> Tensor:
+    if gp.num_points <= max_points:
+        return torch.arange(gp.num_points, device=gp.inputs.device)
+    generator = torch.Generator().manual_seed(0) if generator is None else generator
+    return torch.randperm(gp.num_points, generator=generator)[:max_points].to(gp.inputs.device)
+
+
+def _base_mean(gp: DynamicsGP, z: Tensor) -> Tensor:
+    mean = gp.mean_module
+    return mean.base(z) if isinstance(mean, EpisodicMean) else predict_mean(mean, z, gp.num_outputs)
+
+
+class _Objective:
+    """Negative log posterior of the hyper-parameters as a function that scipy can minimise."""
+
+    def __init__(self, gp: DynamicsGP, rows: Tensor, standardize: bool) -> None:
+        self.gp = gp
+        self.z, self.targets = gp.inputs[rows], gp.targets[rows]
+        with torch.no_grad():
+            residual = self.targets - _base_mean(gp, self.z)
+        if standardize:
+            floor = _FLOOR * self.targets.abs().amax(0).clamp_min(1.0)
+            gp.output_scale = residual.square().mean(0).sqrt().maximum(floor)
+        noise = gp.noise_schedule.variance(gp.count)
+        self.log_noise = None if noise is not None else torch.tensor(np.log(1e-2)).to(residual).requires_grad_()
+        self.fixed_noise = noise
+        self.mean_is_trained = any(p.requires_grad for p in gp.mean_module.parameters())
+        self.residual = residual
+        trained: Sequence[Tensor] = [
+            p for module in (gp.mean_module, gp.covar_module) for p in module.parameters() if p.requires_grad
+        ]
+        self.parameters = [*trained, *([] if self.log_noise is None else [self.log_noise])]
+
+    def pack(self) -> np.ndarray:
+        """The parameters as one vector."""
+        return torch.cat([p.detach().reshape(-1) for p in self.parameters]).cpu().numpy()
+
+    def unpack(self, vector: np.ndarray) -> None:
+        """Write a vector into the parameters."""
+        flat = torch.as_tensor(vector).to(self.residual)
+        for p, part in zip(self.parameters, flat.split([p.numel() for p in self.parameters]), strict=True):
+            p.data.copy_(part.reshape(p.shape))
+
+    def noise(self) -> Tensor:
+        """The relative noise variance."""
+        if self.log_noise is None:
+            return self.residual.new_tensor(self.fixed_noise)
+        return self.log_noise.exp().clamp(_SMALLEST_NOISE, _LARGEST_NOISE)
+
+    def loss(self) -> Tensor:
+        """Negative log posterior per point and output."""
+        residual = self.targets - _base_mean(self.gp, self.z) if self.mean_is_trained else self.residual
+        standard = residual / self.gp.output_scale
+        covariance = self.gp.covar_module(self.z).to_dense()
+        eye = torch.eye(covariance.shape[-1], dtype=covariance.dtype, device=covariance.device)
+        factor = psd_safe_cholesky(covariance + self.noise() * eye)
+        heads = standard if factor.dim() == 2 else standard.mT.unsqueeze(-1)
+        whitened = torch.linalg.solve_triangular(factor, heads, upper=False)
+        half_log_determinant = factor.diagonal(dim1=-2, dim2=-1).log().sum(-1)
+        per_head = standard.shape[-1] if factor.dim() == 2 else 1
+        log_likelihood = -0.5 * whitened.square().sum() - per_head * half_log_determinant.sum()
+        log_prior = sum(self._log_priors(), start=log_likelihood.new_zeros(()))
+        return -(log_likelihood + log_prior) / standard.numel() + 0.5 * np.log(2 * np.pi)
+
+    def _log_priors(self) -> list[Tensor]:
+        modules = (self.gp.covar_module, self.gp.mean_module)
+        return [
+            prior.log_prob(closure(owner)).sum()
+            for module in modules
+            for _, owner, prior, closure, _ in module.named_priors()
+        ]
+
+    def __call__(self, vector: np.ndarray) -> tuple[float, np.ndarray]:
+        """Value and gradient at a vector; a point where the covariance cannot be factored is infinitely bad."""
+        self.unpack(vector)
+        for p in self.parameters:
+            p.grad = None
+        try:
+            value = self.loss()
+        except (gpytorch.utils.errors.NotPSDError, gpytorch.utils.errors.NanError):
+            return float("inf"), np.zeros_like(vector)
+        value.backward()
+        return value.item(), torch.cat([self._gradient(p) for p in self.parameters]).cpu().numpy()
+
+    @staticmethod
+    def _gradient(parameter: Tensor) -> Tensor:
+        gradient = torch.zeros_like(parameter) if parameter.grad is None else parameter.grad
+        return gradient.reshape(-1)
+
+    def finish(self, vector: np.ndarray, converged: bool) -> FitResult:
+        """Keep the best vector and hand the noise to the likelihood."""
+        loss, _ = self(vector)
+        for p in self.parameters:
+            p.grad = None
+        gp, learned = self.gp, self.log_noise is not None
+        noise = self.noise().item() if learned else None
+        if learned:
+            variance = noise * gp.output_scale.square()
+            shape = gp.likelihood.noise.shape
+            gp.likelihood.noise = variance.reshape(shape) if shape.numel() == gp.num_outputs else variance.mean()
+        else:
+            gp.apply_schedule()
+        return FitResult(loss, noise, gp.output_scale.clone(), converged)

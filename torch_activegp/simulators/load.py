@@ -1,0 +1,78 @@
+"""From a word on the command line to a simulator: an MJCF file, or a factory of the user's."""
+
+from __future__ import annotations
+
+import importlib
+import sys
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+
+from torch_activegp.errors import ConfigurationError
+from torch_activegp.simulators.base import Simulator
+from torch_activegp.simulators.mujoco import MujocoSimulator
+
+_FILE_SUFFIXES = (".xml", ".mjcf", ".urdf", ".mjb")
+
+
+def load_simulator(source: str, *, frame_skip: int = 1, external_force: bool = False) -> Simulator:
+    """Makes the simulator that a user names in one word.
+
+    Args:
+        source: path of an MJCF file, or ``package.module:factory``, where ``factory`` is a function without arguments
+            that returns a `Simulator`. The working folder is searched first, then the installed packages.
+        frame_skip: time steps of an MJCF model for each action; see `MujocoSimulator`.
+        external_force: append the joints' generalised forces to the action of an MJCF model; see `MujocoSimulator`.
+
+    Returns:
+        The simulator.
+
+    Raises:
+        ConfigurationError: neither a file nor a factory, the module or factory is missing, it returns something else,
+            or an option for MJCF comes with a factory.
+    """
+    module_name, colon, factory_name = source.partition(":")
+    if Path(source).suffix.lower() in _FILE_SUFFIXES or Path(source).is_file():
+        return MujocoSimulator(source, frame_skip=frame_skip, external_force=external_force)
+    if not (colon and factory_name.isidentifier() and all(part.isidentifier() for part in module_name.split("."))):
+        raise ConfigurationError(
+            f"wanted an MJCF file (.xml) or `package.module:factory`, found `{source}`, which is neither. "
+            "Check the spelling of the path."
+        )
+    if frame_skip != 1 or external_force:
+        raise ConfigurationError(
+            f"`{source}` makes its simulator itself: `frame_skip` and `external_force` are for MJCF files."
+        )
+    factory = _find(module_name, factory_name)
+    simulator = factory() if callable(factory) and not isinstance(factory, Simulator) else factory
+    if not isinstance(simulator, Simulator):
+        raise ConfigurationError(
+            f"wanted a torch_activegp Simulator from `{source}`, found a {type(simulator).__name__}. Wrap a function "
+            "(state, action) -> next state in FunctionSimulator."
+        )
+    return simulator
+
+
+def _find(module_name: str, attribute: str) -> Any:
+    with _working_folder_first():
+        try:
+            module = importlib.import_module(module_name)
+        except ModuleNotFoundError as error:
+            raise ConfigurationError(
+                f"found no module `{error.name}` while importing `{module_name}` (working folder: {Path.cwd()}). Start "
+                "from the folder that holds it, or install its package."
+            ) from error
+    if not hasattr(module, attribute):
+        raise ConfigurationError(f"found no `{attribute}` in module `{module_name}` ({module.__file__}).")
+    return getattr(module, attribute)
+
+
+@contextmanager
+def _working_folder_first() -> Iterator[None]:
+    folder = str(Path.cwd())
+    sys.path.insert(0, folder)
+    try:
+        yield
+    finally:
+        sys.path.remove(folder)
