@@ -12,7 +12,7 @@ from torch_activegp import keys
 from torch_activegp.acquisition import Spread
 from torch_activegp.errors import ConfigurationError, PlanningError
 from torch_activegp.models import DynamicsGP, PosteriorModule
-from torch_activegp.simulators import ActionSpace
+from torch_activegp.simulators import ActionSpace, StateSpace
 
 _TRIALS = 16
 """Points tried around each refined point in each round."""
@@ -48,6 +48,8 @@ class LargestScoreStart(nn.Module):
     Reference: Miller et al. 2024 (arXiv 2403.17233), algorithm 1.
     """
 
+    gp: DynamicsGP
+    state_space: StateSpace
     low: Tensor
     high: Tensor
 
@@ -63,13 +65,14 @@ class LargestScoreStart(nn.Module):
         seed: int = 0,
     ) -> None:
         super().__init__()
-        for name, value, least in (("num_candidates", num_candidates, 1), ("num_refined", num_refined, 1)):
-            if value < least:
-                raise ConfigurationError(f"LargestScoreStart: wanted {name} >= {least}, found {value}.")
-        low, high = _box(gp, action_space)
+        for name, value in (("num_candidates", num_candidates), ("num_refined", num_refined)):
+            if value < 1:
+                raise ConfigurationError(f"LargestScoreStart: wanted {name} >= 1, found {value}.")
+        space = state_space_of(gp)
+        low, high = _box(space, action_space)
         self.register_buffer("low", low, persistent=False)
         self.register_buffer("high", high, persistent=False)
-        self.__dict__["gp"] = gp  # not a submodule: the start owns no parameters of the model
+        self.__dict__.update(gp=gp, state_space=space)  # not submodules: the start does not own the model
         self.score = score
         self.num_candidates = num_candidates
         self.num_refined = min(num_refined, num_candidates)
@@ -99,11 +102,11 @@ class LargestScoreStart(nn.Module):
                 "of states and actions. Either a safe set excludes them all, or the simulator or the score returned "
                 "NaN or infinity there. Check both, widen the safe set or raise num_candidates."
             )
-        return points[best, : self.gp.num_outputs]
+        return points[best, : self.state_space.dim]
 
     def evaluate(self, points: Tensor) -> Tensor:
         """The score at points z ``(n, d + m)``: ``(n,)``; -inf, so never chosen, where it is NaN or infinite."""
-        d = self.gp.num_outputs
+        d = self.state_space.dim
         score = Spread(self.gp.output_scale) if self.score is None else self.score
         quantities = [key for key in score.in_keys if key in keys.POSTERIOR_KEYS]
         points_td = TensorDict({keys.STATE: points[:, :d], keys.ACTION: points[:, d:]}, points.shape[:1])
@@ -122,8 +125,8 @@ class LargestScoreStart(nn.Module):
 
     def _wrap(self, points: Tensor) -> Tensor:
         """Normalise quaternions and wrap angles of points ``(..., d + m)``."""
-        d = self.gp.num_outputs
-        return torch.cat([self.gp.state_space.wrap(points[..., :d]), points[..., d:]], dim=-1)
+        d = self.state_space.dim
+        return torch.cat([self.state_space.wrap(points[..., :d]), points[..., d:]], dim=-1)
 
     def get_extra_state(self) -> Tensor:
         """The generator's state, so that a resumed run draws the same starts."""
@@ -134,10 +137,19 @@ class LargestScoreStart(nn.Module):
         self.generator.set_state(state.cpu())
 
 
-def _box(gp: DynamicsGP, action_space: ActionSpace) -> tuple[Tensor, Tensor]:
+def state_space_of(gp: DynamicsGP) -> StateSpace:
+    """The names, bounds and angles of a GP's states.
+
+    Raises:
+        ConfigurationError: it has none.
+    """
     space = gp.state_space
-    if space is None:
-        raise ConfigurationError("LargestScoreStart: the GP has no state space. Pass DynamicsGP(..., state_space=...).")
+    if not isinstance(space, StateSpace):
+        raise ConfigurationError("The GP has no state space. Pass DynamicsGP(..., state_space=StateSpace(...)).")
+    return space
+
+
+def _box(space: StateSpace, action_space: ActionSpace) -> tuple[Tensor, Tensor]:
     low, high = torch.cat([space.low, action_space.low]), torch.cat([space.high, action_space.high])
     if not bool(torch.isfinite(high - low).all()):
         raise ConfigurationError(

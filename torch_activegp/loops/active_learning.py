@@ -8,7 +8,6 @@ from collections.abc import Callable, Iterator, Mapping
 from pathlib import Path
 from typing import Any, Literal
 
-import torch
 from tensordict import TensorDict, TensorDictBase
 from torch import Tensor
 from torchrl.data import ReplayBuffer
@@ -17,6 +16,7 @@ from torchrl.envs import EnvBase
 from torch_activegp import keys
 from torch_activegp.collectors import EpisodeCollector, LargestScoreStart
 from torch_activegp.collectors.episodes import Policy
+from torch_activegp.collectors.start import state_space_of
 from torch_activegp.errors import CheckpointError, ConfigurationError
 from torch_activegp.loops.checkpoint import check_plain, load_checkpoint, save_checkpoint
 from torch_activegp.loops.measures import largest_variance, mean_discrepancy, probe_points
@@ -91,9 +91,8 @@ class ActiveLearning:
         settings: Mapping[str, Any] | None = None,
         stateful: Mapping[str, Any] | None = None,
     ) -> None:
-        if gp.state_space is None:
-            raise ConfigurationError("The GP has no state space. Pass DynamicsGP(..., state_space=...).")
         self.env, self.policy, self.gp = env, policy, gp
+        self.state_space = state_space_of(gp)
         self.replay_buffer = replay_buffer
         self.fit, self.evaluate = fit, evaluate
         self.collector = EpisodeCollector(env, policy, episode_length, start=self._start(start))
@@ -154,7 +153,7 @@ class ActiveLearning:
     @property
     def guard(self) -> HeldOutGuard:
         """How model and simulator did on the last five episodes' steps, each predicted before it was learned."""
-        guard = HeldOutGuard(self.gp.num_outputs, self.gp.state_space.names)
+        guard = HeldOutGuard(self.state_space.dim, self.state_space.names)
         for sums in self._guards:
             guard.sums += sums
         return guard
@@ -191,7 +190,7 @@ class ActiveLearning:
 
     def _run_episode(self) -> TensorDictBase:
         began = time.perf_counter()
-        guard = HeldOutGuard(self.gp.num_outputs)
+        guard = HeldOutGuard(self.state_space.dim)
 
         def learn(transition: TensorDictBase) -> None:
             step = self._transitions(transition.unsqueeze(0))

@@ -5,13 +5,15 @@ from __future__ import annotations
 import torch
 from torch import Tensor
 
+from torch_activegp.collectors.start import state_space_of
 from torch_activegp.models import DynamicsGP
 from torch_activegp.simulators import ActionSpace
 
 
 def probe_points(gp: DynamicsGP, action_space: ActionSpace, num_points: int = 1024) -> Tensor:
     """A fixed Sobol set over the box of states and actions; without bounds, the points visited so far."""
-    low, high = torch.cat([gp.state_space.low, action_space.low]), torch.cat([gp.state_space.high, action_space.high])
+    space = state_space_of(gp)
+    low, high = torch.cat([space.low, action_space.low]), torch.cat([space.high, action_space.high])
     if not bool(torch.isfinite(high - low).all()):
         return gp.inputs
     sobol = torch.quasirandom.SobolEngine(len(low)).draw(num_points, dtype=torch.float64)
@@ -29,5 +31,5 @@ def largest_variance(gp: DynamicsGP, z: Tensor) -> float:
 def mean_discrepancy(gp: DynamicsGP, state: Tensor, action: Tensor, next_state: Tensor) -> float:
     """Mean of |p0 - f| over transitions ``(n, d)``, ``(n, m)``, ``(n, d)``, Euclidean, angles on the circle."""
     z = torch.cat([state, action], dim=-1).to(gp.output_scale)
-    error = gp.state_space.difference(next_state.to(z), gp.posterior.simulator_loc(z))
+    error = state_space_of(gp).difference(next_state.to(z), gp.posterior.simulator_loc(z))
     return torch.linalg.vector_norm(error, dim=-1).mean().item()

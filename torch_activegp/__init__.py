@@ -1,0 +1,9 @@
+"""Find out where a simulator is wrong, learn the rest with a Gaussian process, and say why.
+
+The packages, from the ground up: :mod:`~torch_activegp.data` (recordings), :mod:`~torch_activegp.simulators`,
+:mod:`~torch_activegp.means`, :mod:`~torch_activegp.models`, :mod:`~torch_activegp.acquisition`,
+:mod:`~torch_activegp.envs`, :mod:`~torch_activegp.planners`, :mod:`~torch_activegp.collectors`,
+:mod:`~torch_activegp.loops` and :mod:`~torch_activegp.experiments`.
+"""
+
+__version__ = "0.1.0"
