@@ -22,8 +22,14 @@ class SafeSet(AcquisitionFunction):
     Args:
         contains: a function from states ``(..., d)`` to booleans ``(...)`` or ``(..., 1)``, e.g.
             ``lambda x: x[..., 0].abs() < 1``; or :class:`Box`.
+        penalty: what a step outside costs. The paper's infinity forbids it, and the planner raises
+            :class:`~torch_activegp.errors.PlanningError` where no candidate stays inside, which an imperfect model can
+            bring about; a large finite penalty makes it leave the set as seldom as it can.
         in_keys: what is tested, ``(..., d)``.
-        out_keys: 0 or -inf, ``(..., 1)``.
+        out_keys: 0 or ``-penalty``, ``(..., 1)``.
+
+    Raises:
+        ConfigurationError: the penalty is not positive.
 
     Example:
         >>> safe = SafeSet(Box([-1.0], [1.0]))
@@ -39,11 +45,15 @@ class SafeSet(AcquisitionFunction):
     def __init__(
         self,
         contains: Callable[[Tensor], Tensor],
+        penalty: float = torch.inf,
         in_keys: Sequence[NestedKey] | None = None,
         out_keys: Sequence[NestedKey] | None = None,
     ) -> None:
         super().__init__(in_keys, out_keys)
+        if not penalty > 0:
+            raise ConfigurationError(f"SafeSet: wanted a penalty > 0, found {penalty}.")
         self.contains = contains
+        self.penalty = float(penalty)
 
     def evaluate(self, value: Tensor) -> Tensor:
         """``(..., d)`` to ``(..., 1)``.
@@ -60,7 +70,7 @@ class SafeSet(AcquisitionFunction):
                 f"{tuple(inside.shape)}. Combine the conditions on several states, e.g. with .all(-1)."
             )
         inside = inside.bool() & torch.isfinite(value).all(-1, keepdim=True)
-        return torch.zeros_like(inside, dtype=value.dtype).masked_fill(~inside, -torch.inf)
+        return torch.zeros_like(inside, dtype=value.dtype).masked_fill(~inside, -self.penalty)
 
 
 class Box:

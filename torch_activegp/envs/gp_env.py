@@ -11,8 +11,9 @@ from torchrl.data import Bounded, Composite, Unbounded
 from torchrl.envs import ModelBasedEnvBase
 
 from torch_activegp import keys
+from torch_activegp.envs.start_state import given_state
 from torch_activegp.envs.transitions import MeanTransition, Transition
-from torch_activegp.errors import ConfigurationError
+from torch_activegp.errors import ConfigurationError, ShapeError
 from torch_activegp.means import EpisodicMean
 from torch_activegp.models import DynamicsGP
 from torch_activegp.models.cached_posterior import Features
@@ -35,11 +36,11 @@ class GPEnv(ModelBasedEnvBase):
         transition: how an imagined step moves; default :class:`MeanTransition`. One with extra actions has them
             appended to the controls in the planned action.
         action_key: where the planned action ``(..., m + e)`` stands.
-        clip: keep imagined states within the bounds of the state space.
+        clip: keep imagined states within the bounds of the state space, where it has some.
         seed: of :meth:`reset`, which draws states within the bounds.
 
     Raises:
-        ConfigurationError: there is no state space, or no action space.
+        ConfigurationError: there is no state space or no action space, or the score reads what no posterior has.
 
     Example:
         >>> import gpytorch
@@ -97,18 +98,28 @@ class GPEnv(ModelBasedEnvBase):
 
         Returns:
             The reward of each step, ``(*B, C, H)``.
+
+        Raises:
+            ShapeError: the shapes do not fit.
         """
-        return self.world_model.imagine(tensordict.get(keys.STATE), actions)
+        state, d = tensordict.get(keys.STATE), self.gp.num_outputs
+        planned = self.full_action_spec[self.action_key].shape[-1]
+        if actions.dim() < 3 or actions.shape[-1] != planned or state.shape != (*actions.shape[:-3], d):
+            raise ShapeError(
+                f"imagine: wanted states (*B, {d}) and actions (*B, C, H, {planned}), found {tuple(state.shape)} and "
+                f"{tuple(actions.shape)}."
+            )
+        return self.world_model.imagine(state, actions)
 
     def _reset(
         self, tensordict: TensorDictBase | None = None, set_state: bool | None = None, **kwargs: object
     ) -> TensorDictBase:
         shape = self.batch_size if tensordict is None else tensordict.shape
-        if set_state and tensordict is not None and keys.STATE in tensordict.keys():
-            state = tensordict.get(keys.STATE).clone()
+        if set_state:
+            state = given_state(tensordict, self.gp.output_scale, self.gp.num_outputs)
         else:
-            state = self.gp.state_space.sample(shape, self.generator)
-        return TensorDict({keys.STATE: state.to(self.gp.output_scale)}, batch_size=shape, device=self.device)
+            state = self.gp.state_space.sample(shape, self.generator).to(self.gp.output_scale)
+        return TensorDict({keys.STATE: state}, batch_size=shape, device=self.device)
 
     def _set_seed(self, seed: int | None) -> None:
         if seed is not None:
@@ -141,9 +152,16 @@ class _Imagination(TensorDictModuleBase):
         self.action_space = action_space
         self.transition = transition
         self.action_key = action_key
-        self.clip = clip and bool(torch.isfinite(torch.cat([gp.state_space.low, gp.state_space.high])).all())
+        self.clip = clip and bool(torch.isfinite(torch.cat([gp.state_space.low, gp.state_space.high])).any())
         self.in_keys = [keys.STATE, action_key]
         self.out_keys = [keys.STATE, keys.REWARD]
+        known = (keys.STATE, keys.ACTION, *keys.POSTERIOR_KEYS)
+        unknown = [key for key in score.in_keys if key not in known]
+        if unknown:
+            raise ConfigurationError(
+                f"GPEnv: wanted a score that reads some of {known}, found {unknown}. Give the score's parts in_keys of "
+                "these names, or compute the rest inside the score."
+            )
 
     @property
     def wanted(self) -> list[str]:
@@ -153,62 +171,55 @@ class _Imagination(TensorDictModuleBase):
     def forward(self, tensordict: TensorDictBase) -> TensorDictBase:
         """One step from ``"state"`` and the planned action to the next state and the reward."""
         state, planned = tensordict.get(keys.STATE), tensordict.get(self.action_key)
-        reward, following = self._score_step(state.reshape(-1, state.shape[-1]), planned.reshape(-1, planned.shape[-1]))
-        tensordict.set(keys.STATE, following.reshape(state.shape))
-        return tensordict.set(keys.REWARD, reward.reshape(*state.shape[:-1], 1))
-
-    def _score_step(self, state: Tensor, planned: Tensor) -> tuple[Tensor, Tensor]:
+        controls, extra = self._split(planned.reshape(-1, planned.shape[-1]))
+        z = torch.cat([state.reshape(-1, state.shape[-1]), controls], dim=-1).to(self.gp.output_scale)
         posterior = self.gp.posterior
-        controls, extra = self._split(planned)
-        z = torch.cat([state, controls], dim=-1)
-        names = list(dict.fromkeys([*self.transition.needs, *self.wanted]))
-        quantities = posterior_quantities(posterior, posterior.features(z), names)
-        following = self._move(quantities, extra)
-        return self._value(state, controls, quantities), following
+        names = dict.fromkeys([*self.transition.needs, *self.wanted])
+        quantities = posterior_quantities(posterior, posterior.features(z), list(names))
+        tensordict.set(keys.STATE, self._move(quantities, extra).reshape(state.shape))
+        return tensordict.set(keys.REWARD, self._value(z, quantities).reshape(*state.shape[:-1], 1))
 
     @torch.no_grad()
     def imagine(self, state: Tensor, actions: Tensor) -> Tensor:
         """See :meth:`GPEnv.imagine`."""
         *batch, candidates, horizon, _ = actions.shape
-        d, posterior = state.shape[-1], self.gp.posterior
-        state = state.unsqueeze(-2).expand(*batch, candidates, d).reshape(-1, d)
-        count = state.shape[0]
-        controls, extra = self._split(actions.reshape(count, horizon, -1).transpose(0, 1))
-        cross = state.new_empty(posterior.factor.inverse.shape[0], horizon * count, posterior.num_points)
-        visited, steps, collected = [], [], []
-        for t in range(horizon):
-            z = torch.cat([state, controls[t]], dim=-1)
-            features = posterior.features(z, out=cross[:, t * count : (t + 1) * count])
+        posterior, d = self.gp.posterior, state.shape[-1]
+        controls, extra = self._split(actions.flatten(0, -3).transpose(0, 1))
+        count = controls.shape[1]
+        # One piece of memory for all points, and for the state after the last; another for their kernel values.
+        z = posterior.output_scale.new_empty(horizon + 1, count, d + controls.shape[-1])
+        z[:-1, :, d:] = controls
+        states = z[..., :d].unbind()
+        states[0].unflatten(0, (*batch, candidates)).copy_(state.unsqueeze(-2))
+        cross = z.new_empty(posterior.num_kernels, horizon, count, posterior.num_points)
+        steps, moved_by = [], []
+        for point, memory, chosen, following in zip(z[:-1], cross.unbind(1), extra.unbind(), states[1:], strict=True):
+            features = posterior.features(point, out=memory)
             quantities = posterior_quantities(posterior, features, self.transition.needs)
-            visited.append(state)
+            self._move(quantities, chosen, out=following)
             steps.append(features)
-            collected.append(quantities)
-            state = self._move(quantities, extra[t])
-        joined = Features(
-            torch.cat([step.z for step in steps]),
-            cross,
-            torch.cat([step.simulator_loc for step in steps]),
-            torch.cat([step.outer for step in steps]),
-        )
-        quantities = {name: torch.cat([part[name] for part in collected]) for name in self.transition.needs}
+            moved_by.append(quantities)
+        visited = z[:-1].flatten(0, 1)
+        features = Features.join(steps, visited, cross.flatten(1, 2))
+        quantities = {name: torch.cat([part[name] for part in moved_by]) for name in self.transition.needs}
         late = [name for name in self.wanted if name not in quantities]
-        quantities |= posterior_quantities(posterior, joined, late)
-        value = self._value(torch.cat(visited), controls.reshape(horizon * count, -1), quantities)
+        value = self._value(visited, quantities | posterior_quantities(posterior, features, late))
         return value.reshape(horizon, *batch, candidates).movedim(0, -1)
 
     def _split(self, planned: Tensor) -> tuple[Tensor, Tensor]:
         m = self.action_space.dim
         return planned[..., :m], planned[..., m:]
 
-    def _move(self, quantities: dict[str, Tensor], extra: Tensor) -> Tensor:
+    def _move(self, quantities: dict[str, Tensor], extra: Tensor, out: Tensor | None = None) -> Tensor:
         space = self.gp.state_space
         following = space.wrap(self.transition.next_state(quantities, extra))
-        return following.clamp(space.low, space.high) if self.clip else following
+        if self.clip:
+            return torch.clamp(following, space.low, space.high, out=out)
+        return following if out is None else out.copy_(following)
 
-    def _value(self, state: Tensor, controls: Tensor, quantities: dict[str, Tensor]) -> Tensor:
-        points = TensorDict(
-            {keys.STATE: state, keys.ACTION: controls, **quantities}, batch_size=state.shape[:-1], device=state.device
-        )
+    def _value(self, z: Tensor, quantities: dict[str, Tensor]) -> Tensor:
+        state, controls = z.tensor_split([self.gp.num_outputs], dim=-1)
+        points = TensorDict({keys.STATE: state, keys.ACTION: controls, **quantities}, z.shape[:1], device=z.device)
         return self.score(points).get(self.score.out_keys[-1])
 
 

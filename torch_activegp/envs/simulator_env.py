@@ -11,6 +11,7 @@ from torchrl.data import Bounded, Composite, Unbounded
 from torchrl.envs import EnvBase
 
 from torch_activegp import keys
+from torch_activegp.envs.start_state import given_state
 from torch_activegp.errors import ConfigurationError
 from torch_activegp.simulators import Simulator
 
@@ -24,10 +25,10 @@ class SimulatorEnv(EnvBase):
         simulator: the true dynamics, with ``d`` states and ``m`` actions.
         noise_scale: standard deviation of the noise added to each next state, in its unit; one number or ``(d,)``.
         reward: function of state, action and next state to ``(..., 1)``; default zero.
-        seed: of noise and resets.
+        seed: of noise and resets, which draw states within the bounds of the state space.
 
     Raises:
-        ConfigurationError: a noise scale is negative.
+        ConfigurationError: a noise scale is negative or infinite, or there are neither 1 nor ``d``.
 
     Example:
         >>> from torch_activegp.simulators import Pendulum
@@ -49,8 +50,13 @@ class SimulatorEnv(EnvBase):
         super().__init__(device=low.device, batch_size=None)
         self.simulator = simulator
         self.noise_scale = torch.as_tensor(noise_scale).to(low)
-        if bool((self.noise_scale < 0).any()):
-            raise ConfigurationError(f"SimulatorEnv: wanted noise_scale >= 0, found {self.noise_scale.tolist()}.")
+        fits = self.noise_scale.shape in ((), (simulator.state_dim,))
+        if not fits or not bool(((self.noise_scale >= 0) & self.noise_scale.isfinite()).all()):
+            raise ConfigurationError(
+                f"SimulatorEnv: wanted a finite noise_scale >= 0, one or {simulator.state_dim} of them, found "
+                f"{self.noise_scale.tolist()}."
+            )
+        self.noisy = bool((self.noise_scale > 0).any())
         self.reward = reward
         self.generator = torch.Generator().manual_seed(seed)
         state = Unbounded((simulator.state_dim,), dtype=low.dtype, device=low.device)
@@ -72,27 +78,23 @@ class SimulatorEnv(EnvBase):
     def _step(self, tensordict: TensorDictBase) -> TensorDictBase:
         state, action = tensordict.get(keys.STATE), tensordict.get(self.action_key)
         following = self.simulator.step(state, action)
-        if bool((self.noise_scale > 0).any()):
+        if self.noisy:
             noise = torch.randn(following.shape, generator=self.generator, dtype=following.dtype).to(following)
             following = self.simulator.state_space.wrap(following + self.noise_scale * noise)
         reward = torch.zeros_like(following[..., :1])
         if self.reward is not None:
             reward = self.reward(state, action, following)
-        done = torch.zeros(*tensordict.shape, 1, dtype=torch.bool, device=self.device)
-        return TensorDict(
-            {keys.STATE: following, keys.REWARD: reward, "done": done, "terminated": done.clone()}, tensordict.shape
-        )
+        return TensorDict({keys.STATE: following, keys.REWARD: reward}, tensordict.shape, device=self.device)
 
     def _reset(
         self, tensordict: TensorDictBase | None = None, set_state: bool | None = None, **kwargs: object
     ) -> TensorDictBase:
         shape = self.batch_size if tensordict is None else tensordict.shape
-        if set_state and tensordict is not None and keys.STATE in tensordict.keys():
-            state = tensordict.get(keys.STATE).clone()
+        if set_state:
+            state = given_state(tensordict, self.noise_scale, self.simulator.state_dim)
         else:
             state = self.simulator.state_space.sample(shape, self.generator)
-        done = torch.zeros(*shape, 1, dtype=torch.bool, device=self.device)
-        return TensorDict({keys.STATE: state, "done": done, "terminated": done.clone()}, shape, device=self.device)
+        return TensorDict({keys.STATE: state}, shape, device=self.device)
 
     def _set_seed(self, seed: int | None) -> None:
         if seed is not None:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import cast
+
 import gpytorch
 import torch
 from torch import Tensor, nn
@@ -20,8 +22,9 @@ class EpisodicMean(gpytorch.means.Mean):
 
     Two recursions are offered:
 
-    * ``"paper"``: the GP is conditioned on all data with m_tau as its mean, as in the paper. The residuals of the same
-      points are regressed again in every episode (iterated regularisation): right for noise-free data, over-fits noise.
+    * ``"paper"``: the GP is conditioned on all data with m_tau as its mean, as in the paper: from the episode's first
+      point on; before it, mu_{tau, 0} = m_tau. The residuals of the same points are regressed again in every episode
+      (iterated regularisation): right for noise-free data, over-fits noise.
     * ``"bayes"``: the GP is conditioned once on all data with p0 as its mean, and m_tau is only the frozen posterior
       that the discrepancy refers to. Right for recordings.
 
@@ -91,18 +94,24 @@ class EpisodicMean(gpytorch.means.Mean):
             centers: all points so far, ``(n, D)``.
             weights: the posterior's cumulative weights A (see :meth:`inner`), ``(h, n, d / h)``.
         """
-        kept = [] if self.recursion == "bayes" else list(self.outer(kernel))
+        kept = [] if self.recursion == "bayes" else self.outer(kernel, centers)
         self.expansions = nn.ModuleList([*kept, KernelExpansion(kernel, centers, weights)])
 
-    def inner(self, kernel: gpytorch.kernels.Kernel) -> KernelExpansion | None:
-        """The last term, if it has this kernel: its weights can be merged with the posterior's own."""
-        if len(self.expansions) and same_kernel(self.expansions[-1].kernel, kernel):
-            return self.expansions[-1]
-        return None
+    def inner(self, kernel: gpytorch.kernels.Kernel, centers: Tensor) -> KernelExpansion | None:
+        """The last term, if its weights can be merged with those of a posterior at ``centers`` ``(n, D)``.
 
-    def outer(self, kernel: gpytorch.kernels.Kernel) -> list[KernelExpansion]:
-        """The terms that cannot be merged: they were made with other hyper-parameters."""
-        return [term for term in self.expansions if term is not self.inner(kernel)]
+        They can if the term has this kernel, and its own centers come first among ``centers``.
+        """
+        if not len(self.expansions):
+            return None
+        last = cast(KernelExpansion, self.expansions[-1])
+        merges = torch.equal(last.centers, centers[: len(last.centers)]) and same_kernel(last.kernel, kernel)
+        return last if merges else None
+
+    def outer(self, kernel: gpytorch.kernels.Kernel, centers: Tensor) -> list[KernelExpansion]:
+        """The terms that cannot be merged: made with other hyper-parameters, or at points that were dropped."""
+        inner = self.inner(kernel, centers)
+        return [cast(KernelExpansion, term) for term in self.expansions if term is not inner]
 
     def allocate(self, kernel: gpytorch.kernels.Kernel, shapes: list[tuple[torch.Size, torch.Size]]) -> None:
         """Make room for terms that a state dict brings: one pair of shapes (centers, weights) each."""

@@ -10,11 +10,19 @@ from torch import Tensor, nn
 
 
 def same_kernel(first: gpytorch.kernels.Kernel, second: gpytorch.kernels.Kernel) -> bool:
-    """Whether two kernels of the same make have equal hyper-parameters."""
-    if type(first) is not type(second):
+    """Whether two kernels are built alike, with equal hyper-parameters."""
+    if _structure(first) != _structure(second):
         return False
     ours, theirs = first.state_dict(), second.state_dict()
     return ours.keys() == theirs.keys() and all(torch.equal(ours[key], theirs[key]) for key in ours)
+
+
+def _structure(kernel: gpytorch.kernels.Kernel) -> list[tuple[type, dict[str, object]]]:
+    """The class and the plain numbers (nu of a Matern kernel, power of a polynomial one) of every part."""
+    return [
+        (type(part), {k: v for k, v in vars(part).items() if isinstance(v, int | float | str) and k != "training"})
+        for part in kernel.modules()
+    ]
 
 
 class KernelExpansion(nn.Module):

@@ -8,7 +8,7 @@ from torch import Tensor
 
 from torch_activegp.errors import ShapeError
 from torch_activegp.means.layout import evaluate_per_output
-from torch_activegp.simulators import Simulator
+from torch_activegp.simulators import Simulator, StateSpace
 
 
 class SimulatorMean(gpytorch.means.Mean):
@@ -35,7 +35,7 @@ class SimulatorMean(gpytorch.means.Mean):
         self.batch_shape = torch.Size([simulator.state_space.dim])
 
     @property
-    def state_space(self) -> torch.nn.Module:
+    def state_space(self) -> StateSpace:
         """The simulator's state space: names, bounds, angles."""
         return self.simulator.state_space
 

@@ -6,6 +6,8 @@ from collections.abc import Sequence
 from typing import NamedTuple
 
 import torch
+from gpytorch.kernels import Kernel
+from gpytorch.means import Mean
 from torch import Tensor
 
 from torch_activegp.means import EpisodicMean, KernelExpansion, predict_mean
@@ -53,19 +55,22 @@ class CachedPosterior:
         targets: next states, ``(n, d)``.
         noise: relative noise variance per head, ``(h,)``.
         output_scale: signal standard deviation per output, ``(d,)``.
+        holds_prior: the mean is still the episode's prior m_tau, until the next point: mu_{tau, 0} = m_tau.
 
     Reference: Rasmussen and Williams 2006, Eq. 2.25 and 2.26; Miller et al. 2024, predictive mean and variance.
     """
 
     def __init__(
         self,
-        mean_module: torch.nn.Module,
-        kernel: torch.nn.Module,
+        mean_module: Mean,
+        kernel: Kernel,
         inputs: Tensor,
         targets: Tensor,
         noise: Tensor,
         output_scale: Tensor,
+        holds_prior: bool = False,
     ) -> None:
+        self.holds_prior = holds_prior
         self.mean_module = mean_module
         self.kernel = kernel
         self.noise = noise
@@ -88,14 +93,8 @@ class CachedPosterior:
     def _split_mean(self) -> tuple[KernelExpansion | None, list[KernelExpansion]]:
         if not isinstance(self.mean_module, EpisodicMean):
             return None, []
-        inner = self.mean_module.inner(self.kernel)
-        if inner is not None and not self._is_prefix(inner.centers):
-            inner = None
-        terms = [term for term in self.mean_module.expansions if term is not inner]
-        return inner, terms
-
-    def _is_prefix(self, centers: Tensor) -> bool:
-        return centers.shape[0] <= self.inputs.shape[0] and torch.equal(centers, self.inputs[: centers.shape[0]])
+        mean = self.mean_module
+        return mean.inner(self.kernel, self.inputs), mean.outer(self.kernel, self.inputs)
 
     def _split_heads(self, values: Tensor) -> Tensor:
         return values.unsqueeze(0) if self.noise.shape[0] == 1 else values.mT.unsqueeze(-1)
@@ -104,11 +103,11 @@ class CachedPosterior:
         """Set A (``weights``) and B (``_prior_weights``) from S^-1 (y - m(Z))."""
         self._innovation = innovation
         self._prior_weights = None
-        weights = innovation
+        weights = torch.zeros_like(innovation) if self.holds_prior else innovation
         if self._inner is not None:
             self._prior_weights = _by_columns(self._split_heads(merge_heads(self._inner.weights)))
             if not self._conditions_on_base:
-                weights = innovation.clone()
+                weights = weights.clone()
                 weights[:, : self._prior_weights.shape[1]] += self._prior_weights
         self.weights = _by_columns(weights)
 
@@ -144,6 +143,7 @@ class CachedPosterior:
         whitened = (residual - row.unsqueeze(-2) @ self._whitened) / pivot[:, None, None]
         self._whitened = torch.cat([self._whitened, whitened], dim=1)
         innovation = torch.nn.functional.pad(self._innovation, (0, 0, 0, 1))
+        self.holds_prior = False
         self.inputs = torch.cat([self.inputs, z])
         self._function = kernel_function(self.kernel, self.inputs)
         self._set_weights(innovation + self.factor.inverse[:, -1:].mT @ whitened)
@@ -201,7 +201,8 @@ class CachedPosterior:
 
     def _unit_variance(self, features: Features) -> Tensor:
         diagonal = self._function_at(features.z).diagonal(features.z)
-        return (diagonal - self.factor.squared_norm(features.cross)).clamp_min(0.0)
+        variance = diagonal - self.factor.squared_norm(features.cross)
+        return variance.clamp_min(torch.finfo(variance.dtype).tiny)  # not 0, where the square root has no gradient
 
     def _function_at(self, z: Tensor) -> KernelFunction:
         if self._function is None:  # without data the number of inputs is known at the first query
@@ -210,7 +211,7 @@ class CachedPosterior:
 
 
 def _add_product(start: Tensor, cross: Tensor, weights: Tensor) -> Tensor:
-    """start + k(z, Z) A: ``(n', d)``, ``(h, n', n)``, ``(h, n, d / h)`` to ``(n', d)``."""
+    """Add k(z, Z) A to a start: ``(n', d)``, ``(h, n', n)``, ``(h, n, d / h)`` to ``(n', d)``."""
     if weights.shape[0] == 1:
         return torch.addmm(start, cross[0], weights[0])
     return start + merge_heads(cross @ weights)

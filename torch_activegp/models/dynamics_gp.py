@@ -12,17 +12,19 @@ from gpytorch.likelihoods import GaussianLikelihood
 from gpytorch.means import Mean
 from torch import Tensor
 
-from torch_activegp.errors import ConfigurationError, SimulationError
+from torch_activegp.errors import ConfigurationError, ShapeError, SimulationError
 from torch_activegp.means import EpisodicMean, predict_mean
 from torch_activegp.models.cached_posterior import CachedPosterior
-from torch_activegp.models.noise import Count, FixedNoise, NoiseSchedule
+from torch_activegp.models.fingerprint import Fingerprint
+from torch_activegp.models.noise import Count, FixedNoise, LearnedNoise, NoiseSchedule
 from torch_activegp.models.training_data import TrainingData, check_transitions
+from torch_activegp.simulators import StateSpace
 
 
 class DynamicsGP(TrainingData, gpytorch.models.ExactGP):
     """A GP over x' = f(x, u) with ``d`` outputs, whose mean is usually an imperfect simulator.
 
-    gpytorch is the definition: called as ``gp(z)`` it is an :class:`~gpytorch.models.ExactGP` with batch shape ``(d,)``,
+    gpytorch is the definition: called as ``gp(z)`` it is an :class:`~gpytorch.models.ExactGP` of batch shape ``(d,)``,
     and every kernel, mean and likelihood of batch shape ``()`` or ``(d,)`` can be injected. :attr:`posterior` is the
     same posterior, cached, hundreds of times faster to query and to update.
 
@@ -32,14 +34,16 @@ class DynamicsGP(TrainingData, gpytorch.models.ExactGP):
     Args:
         mean_module: gpytorch mean, e.g. ``EpisodicMean(SimulatorMean(simulator))``.
         covar_module: gpytorch kernel over ``D = d + m`` inputs.
-        noise: schedule of the relative noise variance; default ``FixedNoise(1e-4)``.
+        noise: schedule of the relative noise variance; default ``FixedNoise(1e-4)``, or the noise of a ``likelihood``
+            that is given.
         likelihood: Gaussian likelihood; default one noise for each output, without gpytorch's lower limit of 1e-4.
         state_space: says which states are angles; default that of the simulator in ``mean_module``.
         output_scale: signal standard deviation of each output in its own unit, ``(d,)``; default ones.
         dtype: the default float64 is needed: at 300 points the median variance is below float32's error.
 
     Raises:
-        ConfigurationError: the number of outputs cannot be known.
+        ConfigurationError: the number of outputs cannot be known, or the noise is below the likelihood's limit.
+        ShapeError: mean, kernel or ``output_scale`` has another number of outputs.
 
     Example:
         >>> from torch_activegp.means import SimulatorMean
@@ -52,6 +56,11 @@ class DynamicsGP(TrainingData, gpytorch.models.ExactGP):
     Reference: Miller et al. 2024 (arXiv 2403.17233), section III.
     """
 
+    state_space: StateSpace | None
+    mean_module: Mean
+    covar_module: Kernel
+    likelihood: GaussianLikelihood
+
     def __init__(
         self,
         mean_module: Mean,
@@ -59,12 +68,14 @@ class DynamicsGP(TrainingData, gpytorch.models.ExactGP):
         *,
         noise: NoiseSchedule | None = None,
         likelihood: GaussianLikelihood | None = None,
-        state_space: torch.nn.Module | None = None,
+        state_space: StateSpace | None = None,
         output_scale: Tensor | None = None,
         dtype: torch.dtype = torch.float64,
     ) -> None:
         state_space = state_space or _state_space_of(mean_module)
         num_outputs = _num_outputs(mean_module, state_space)
+        _check_outputs(num_outputs, mean_module, covar_module, output_scale)
+        noise = noise or (FixedNoise(1e-4) if likelihood is None else LearnedNoise())
         likelihood = likelihood or GaussianLikelihood(
             batch_shape=torch.Size([num_outputs]), noise_constraint=gpytorch.constraints.GreaterThan(1e-14)
         )
@@ -73,13 +84,15 @@ class DynamicsGP(TrainingData, gpytorch.models.ExactGP):
         self.state_space = state_space
         self.mean_module = mean_module
         self.covar_module = covar_module
-        self.noise_schedule = noise or FixedNoise(1e-4)
+        self.noise_schedule = noise
         self.register_buffer("output_scale", torch.ones(num_outputs) if output_scale is None else output_scale.clone())
         self.register_buffer("_counts", torch.tensor([1, 0]), persistent=True)
-        self._cache: CachedPosterior | None = None
-        self._fingerprint: list[Tensor] = []
+        self._cache = None
+        self._mean_seen, self._seen = Fingerprint(), Fingerprint()
         self.to(dtype)
         self.eval()
+        self.apply_schedule()
+        self._notice_changes()
 
     @property
     def num_outputs(self) -> int:
@@ -96,6 +109,14 @@ class DynamicsGP(TrainingData, gpytorch.models.ExactGP):
         """The prior at ``x`` ``(d, n, D)``: a batch of ``d`` Gaussians over ``n`` points."""
         mean = self.mean_module(x)
         return MultivariateNormal(mean, self.covar_module(x) * self.output_scale.square()[:, None, None])
+
+    def __call__(self, *args: Any, **kwargs: Any) -> MultivariateNormal:
+        """Predict by gpytorch, never from a stale cache; at the start of an episode its mean is the prior m_tau."""
+        self._notice_changes()
+        output = super().__call__(*args, **kwargs)
+        if self.training or not self._holds_prior:
+            return output
+        return MultivariateNormal(self.mean_module(args[0]), output.lazy_covariance_matrix)
 
     # -- data ---------------------------------------------------------------------------------------------------------
 
@@ -117,8 +138,11 @@ class DynamicsGP(TrainingData, gpytorch.models.ExactGP):
             SimulationError: the mean is not finite there.
         """
         z, next_state = check_transitions(self, state, action, next_state)
+        if not len(z):
+            return
         targets = self._unwrap(z, next_state)
-        before, posterior = self.count, self._fresh_cache()
+        self._notice_changes()
+        before, posterior = self.count, self._cache
         self._counts[1] += z.shape[0]
         self.add_points(z, targets)
         if posterior is not None and posterior.num_points and self.noise_schedule.holds(before, self.count):
@@ -151,49 +175,53 @@ class DynamicsGP(TrainingData, gpytorch.models.ExactGP):
         """Make the present posterior the mean of the next episode (only with an :class:`EpisodicMean`).
 
         The factor is computed anew at the next query, so that a run that is resumed here continues bit for bit.
+        Called again before there is new data, it changes nothing.
         """
-        if isinstance(self.mean_module, EpisodicMean) and self.num_points:
+        if isinstance(self.mean_module, EpisodicMean) and self.num_points and not self._holds_prior:
             posterior = self.posterior
             self.mean_module.advance(self.covar_module, self.inputs, posterior.weights)
         if self._counts[1]:
             self._counts[0] += 1
             self._counts[1] = 0
         self.apply_schedule()
-        self._cache = None
+        self.forget()
 
     # -- posterior ----------------------------------------------------------------------------------------------------
 
     @property
     def posterior(self) -> CachedPosterior:
         """The posterior at the present data and hyper-parameters; recomputed only if one of them changed."""
-        cache = self._fresh_cache()
-        if cache is None:
+        self._notice_changes()
+        if self._cache is None:
             with torch.no_grad():
-                cache = CachedPosterior(
+                self._cache = CachedPosterior(
                     self.mean_module,
                     self.covar_module,
                     self.inputs,
                     self.targets if self.num_points else self.output_scale.new_zeros(0, self.num_outputs),
                     self._relative_noise(),
                     self.output_scale,
+                    self._holds_prior,
                 )
-            self._cache, self._fingerprint = cache, [value.clone() for value in self._watched()]
-        return cache
-
-    def _fresh_cache(self) -> CachedPosterior | None:
-        if self._cache is not None:
-            watched = self._watched()
-            same = len(watched) == len(self._fingerprint)
-            if not (same and all(torch.equal(a, b) for a, b in zip(watched, self._fingerprint, strict=True))):
-                self._cache = None
         return self._cache
 
-    def _watched(self) -> list[Tensor]:
-        """Everything but the data that the posterior depends on."""
+    @property
+    def _holds_prior(self) -> bool:
+        """Whether the mean is still the episode's prior m_tau (recursion ``"paper"``, no point in this episode)."""
+        mean = self.mean_module
+        chained = isinstance(mean, EpisodicMean) and mean.recursion == "paper" and len(mean.expansions) > 0
+        return chained and self.count.step == 0
+
+    @torch.no_grad()
+    def _notice_changes(self) -> None:
+        """Forget the posterior if mean, kernel, likelihood or output scale changed, whoever changed them."""
         mean = self.mean_module.base_mean if isinstance(self.mean_module, EpisodicMean) else self.mean_module
-        modules = (mean, self.covar_module, self.likelihood)
-        values = [value.detach() for module in modules for value in (*module.parameters(), *module.buffers())]
-        return [*values, self.output_scale]
+        mean_changed = self._mean_seen.changed([mean])
+        if self._seen.changed([self.covar_module, self.likelihood], [self.output_scale]) or mean_changed:
+            self.forget()
+        if mean_changed and self.num_points:  # the mean may have crossed the seam of an angle
+            targets = self._unwrap(self.inputs, self.targets)
+            self.targets = torch.where((targets - self.targets).abs() > 1e-6, targets, self.targets)
 
     def _relative_noise(self) -> Tensor:
         """Noise variance over squared output scale: ``(1,)`` where one factor serves all outputs, else ``(d,)``."""
@@ -223,16 +251,17 @@ class DynamicsGP(TrainingData, gpytorch.models.ExactGP):
         self.likelihood.noise = noise
 
     def __getstate__(self) -> dict[str, Any]:
-        """Pickle without the cache."""
-        return {**self.__dict__, "_cache": None, "_fingerprint": [], "prediction_strategy": None}
+        """Pickle without what can be computed again."""
+        unseen = {"_mean_seen": Fingerprint(), "_seen": Fingerprint()}
+        return {**self.__dict__, **unseen, "_cache": None, "prediction_strategy": None}
 
 
-def _state_space_of(mean_module: Mean) -> torch.nn.Module | None:
+def _state_space_of(mean_module: Mean) -> StateSpace | None:
     inner = mean_module.base_mean if isinstance(mean_module, EpisodicMean) else mean_module
     return getattr(inner, "state_space", None)
 
 
-def _num_outputs(mean_module: Mean, state_space: torch.nn.Module | None) -> int:
+def _num_outputs(mean_module: Mean, state_space: StateSpace | None) -> int:
     if state_space is not None:
         return state_space.dim
     batch_shape = getattr(mean_module, "batch_shape", None)
@@ -242,3 +271,18 @@ def _num_outputs(mean_module: Mean, state_space: torch.nn.Module | None) -> int:
             "or give the mean batch_shape=torch.Size([d])."
         )
     return batch_shape[-1]
+
+
+def _check_outputs(num_outputs: int, mean: Mean, kernel: Kernel, output_scale: Tensor | None) -> None:
+    """Raise a ShapeError where a part has another number of outputs."""
+    wanted: dict[str, tuple[torch.Size, list[tuple[int, ...]]]] = {
+        "mean_module with batch_shape": (getattr(mean, "batch_shape", torch.Size()), [(), (num_outputs,)]),
+        "covar_module with batch_shape": (kernel.batch_shape, [(), (1,), (num_outputs,)]),
+    }
+    if output_scale is not None:
+        wanted["output_scale of shape"] = (output_scale.shape, [(num_outputs,)])
+    for part, (found, allowed) in wanted.items():
+        if tuple(found) not in allowed:
+            raise ShapeError(
+                f"Wanted {part} {' or '.join(map(str, allowed))} for {num_outputs} outputs, found {tuple(found)}."
+            )

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import gpytorch
 import numpy as np
 import torch
-from gpytorch.kernels import Kernel, RBFKernel, ScaleKernel
+from gpytorch.kernels import RBFKernel, ScaleKernel
 from gpytorch.priors import LogNormalPrior
 from linear_operator.utils.cholesky import psd_safe_cholesky
 from scipy.optimize import minimize
@@ -18,8 +18,9 @@ from torch_activegp.errors import ConfigurationError
 from torch_activegp.means import EpisodicMean, predict_mean
 from torch_activegp.models.dynamics_gp import DynamicsGP
 
-_SMALLEST_NOISE, _LARGEST_NOISE = 1e-8, 10.0
+_SMALLEST_NOISE, _FIRST_NOISE, _LARGEST_NOISE = 1e-8, 1e-2, 10.0
 _FLOOR = 1e-9
+_VERY_BAD = 1e6
 
 
 @dataclass(frozen=True)
@@ -77,8 +78,9 @@ def fit_hyperparameters(
 
     Each output's residual about the base mean (the simulator) is divided by its root mean square, so that one kernel
     fits all outputs. All priors registered on the modules enter. The noise is fitted when the GP's schedule is
-    :class:`~torch_activegp.models.LearnedNoise`, else it keeps the schedule's value. Call it between episodes: after
-    :meth:`DynamicsGP.begin_episode`, which keeps a snapshot of the kernel that the past posterior was made with.
+    :class:`~torch_activegp.models.LearnedNoise`, else it keeps the schedule's value. The result is never worse than
+    the hyper-parameters were before. Call it between episodes: after :meth:`DynamicsGP.begin_episode`, which keeps a
+    snapshot of the kernel that the past posterior was made with.
 
     Args:
         gp: its ``covar_module``, ``output_scale`` and ``likelihood`` are set in place.
@@ -97,12 +99,14 @@ def fit_hyperparameters(
     """
     if gp.num_points < 2:
         raise ConfigurationError(f"Wanted at least 2 points to fit, found {gp.num_points}. Collect an episode first.")
-    objective = _Objective(gp, _subset(gp, max_points, generator), standardize)
-    start = objective.pack()
     with gpytorch.settings.lazily_evaluate_kernels(False):
+        objective = _Objective(gp, _subset(gp, max_points, generator), standardize)
+        start = objective.pack()
+        if not start.size:
+            return objective.finish(start, converged=True)
         result = minimize(objective, start, jac=True, method="L-BFGS-B", options={"maxiter": max_iterations})
-    best = result.x if result.fun <= objective(start)[0] else start
-    return objective.finish(best, bool(result.success))
+        best = result.x if result.fun <= objective(start)[0] else start
+        return objective.finish(best, bool(result.success))
 
 
 def _subset(gp: DynamicsGP, max_points: int, generator: torch.Generator | None) -> Tensor:
@@ -112,35 +116,49 @@ def _subset(gp: DynamicsGP, max_points: int, generator: torch.Generator | None) 
     return torch.randperm(gp.num_points, generator=generator)[:max_points].to(gp.inputs.device)
 
 
-def _base_mean(gp: DynamicsGP, z: Tensor) -> Tensor:
-    mean = gp.mean_module
-    return mean.base(z) if isinstance(mean, EpisodicMean) else predict_mean(mean, z, gp.num_outputs)
-
-
 class _Objective:
     """Negative log posterior of the hyper-parameters as a function that scipy can minimise."""
 
     def __init__(self, gp: DynamicsGP, rows: Tensor, standardize: bool) -> None:
         self.gp = gp
+        self.mean = gp.mean_module.base_mean if isinstance(gp.mean_module, EpisodicMean) else gp.mean_module
         self.z, self.targets = gp.inputs[rows], gp.targets[rows]
         with torch.no_grad():
-            residual = self.targets - _base_mean(gp, self.z)
+            self.residual = self._residual()
+        present_noise = (gp.likelihood.noise.detach().reshape(-1) / gp.output_scale.square()).mean()
         if standardize:
             floor = _FLOOR * self.targets.abs().amax(0).clamp_min(1.0)
-            gp.output_scale = residual.square().mean(0).sqrt().maximum(floor)
-        noise = gp.noise_schedule.variance(gp.count)
-        self.log_noise = None if noise is not None else torch.tensor(np.log(1e-2)).to(residual).requires_grad_()
-        self.fixed_noise = noise
-        self.mean_is_trained = any(p.requires_grad for p in gp.mean_module.parameters())
-        self.residual = residual
+            gp.output_scale = self.residual.square().mean(0).sqrt().maximum(floor)
         trained: Sequence[Tensor] = [
-            p for module in (gp.mean_module, gp.covar_module) for p in module.parameters() if p.requires_grad
+            p for module in (self.mean, gp.covar_module) for p in module.parameters() if p.requires_grad
         ]
-        self.parameters = [*trained, *([] if self.log_noise is None else [self.log_noise])]
+        self.mean_is_trained = any(p.requires_grad for p in self.mean.parameters())
+        self.fixed_noise = gp.noise_schedule.variance(gp.count)
+        self.log_noise: Tensor | None = None
+        self.parameters = list(trained)
+        if self.fixed_noise is None:
+            limit = gp.likelihood.noise_covar.raw_noise_constraint.lower_bound.item() * (1 + 1e-6)
+            self.smallest_noise = max(_SMALLEST_NOISE, limit / gp.output_scale.square().min().item())
+            self.log_noise = self._better_start(present_noise)
+            self.parameters.append(self.log_noise)
+
+    def _residual(self) -> Tensor:
+        """Targets minus the mean, ``(n, d)``; on the circle, for the mean may cross the seam while it is trained."""
+        mean = predict_mean(self.mean, self.z, self.gp.num_outputs)
+        space = self.gp.state_space
+        return self.targets - mean if space is None else space.difference(self.targets, mean)
+
+    def _better_start(self, present_noise: Tensor) -> Tensor:
+        """The logarithm of the better of two relative noises to start from: the present one, and a small one."""
+        losses = []
+        for noise in (present_noise, torch.full_like(present_noise, _FIRST_NOISE)):
+            self.log_noise = noise.clamp(self.smallest_noise, _LARGEST_NOISE).log().requires_grad_()
+            losses.append((self(self.pack())[0], self.log_noise))
+        return min(losses, key=lambda pair: pair[0])[1]
 
     def pack(self) -> np.ndarray:
         """The parameters as one vector."""
-        return torch.cat([p.detach().reshape(-1) for p in self.parameters]).cpu().numpy()
+        return torch.cat([self.residual.new_zeros(0), *(p.detach().reshape(-1) for p in self.parameters)]).cpu().numpy()
 
     def unpack(self, vector: np.ndarray) -> None:
         """Write a vector into the parameters."""
@@ -152,11 +170,11 @@ class _Objective:
         """The relative noise variance."""
         if self.log_noise is None:
             return self.residual.new_tensor(self.fixed_noise)
-        return self.log_noise.exp().clamp(_SMALLEST_NOISE, _LARGEST_NOISE)
+        return self.log_noise.exp().clamp(self.smallest_noise, _LARGEST_NOISE)
 
     def loss(self) -> Tensor:
         """Negative log posterior per point and output."""
-        residual = self.targets - _base_mean(self.gp, self.z) if self.mean_is_trained else self.residual
+        residual = self._residual() if self.mean_is_trained else self.residual
         standard = residual / self.gp.output_scale
         covariance = self.gp.covar_module(self.z).to_dense()
         eye = torch.eye(covariance.shape[-1], dtype=covariance.dtype, device=covariance.device)
@@ -170,22 +188,34 @@ class _Objective:
         return -(log_likelihood + log_prior) / standard.numel() + 0.5 * np.log(2 * np.pi)
 
     def _log_priors(self) -> list[Tensor]:
-        modules = (self.gp.covar_module, self.gp.mean_module)
-        return [
+        modules = (self.gp.covar_module, self.mean)
+        priors = [
             prior.log_prob(closure(owner)).sum()
             for module in modules
             for _, owner, prior, closure, _ in module.named_priors()
         ]
+        if self.log_noise is None:
+            return priors
+        noise = self._noise_of_likelihood()
+        return priors + [prior.log_prob(noise).sum() for _, _, prior, _, _ in self.gp.likelihood.named_priors()]
+
+    def _noise_of_likelihood(self) -> Tensor:
+        """The noise variance in the likelihood's shape and unit."""
+        variance = self.noise() * self.gp.output_scale.square()
+        shape = self.gp.likelihood.noise.shape
+        return variance.reshape(shape) if shape.numel() == self.gp.num_outputs else variance.mean().reshape(shape)
 
     def __call__(self, vector: np.ndarray) -> tuple[float, np.ndarray]:
-        """Value and gradient at a vector; a point where the covariance cannot be factored is infinitely bad."""
+        """Value and gradient at a vector; a point where the loss cannot be computed is very bad."""
         self.unpack(vector)
         for p in self.parameters:
             p.grad = None
         try:
             value = self.loss()
         except (gpytorch.utils.errors.NotPSDError, gpytorch.utils.errors.NanError):
-            return float("inf"), np.zeros_like(vector)
+            return _VERY_BAD, np.zeros_like(vector)
+        if not bool(torch.isfinite(value)):
+            return _VERY_BAD, np.zeros_like(vector)
         value.backward()
         return value.item(), torch.cat([self._gradient(p) for p in self.parameters]).cpu().numpy()
 
@@ -196,15 +226,14 @@ class _Objective:
 
     def finish(self, vector: np.ndarray, converged: bool) -> FitResult:
         """Keep the best vector and hand the noise to the likelihood."""
-        loss, _ = self(vector)
+        self.unpack(vector)
         for p in self.parameters:
             p.grad = None
-        gp, learned = self.gp, self.log_noise is not None
-        noise = self.noise().item() if learned else None
-        if learned:
-            variance = noise * gp.output_scale.square()
-            shape = gp.likelihood.noise.shape
-            gp.likelihood.noise = variance.reshape(shape) if shape.numel() == gp.num_outputs else variance.mean()
-        else:
-            gp.apply_schedule()
-        return FitResult(loss, noise, gp.output_scale.clone(), converged)
+        with torch.no_grad():
+            loss, noise = self.loss().item(), None
+            if self.log_noise is None:
+                self.gp.apply_schedule()
+            else:
+                noise = self.noise().item()
+                self.gp.likelihood.noise = self._noise_of_likelihood()
+        return FitResult(loss, noise, self.gp.output_scale.clone(), converged)

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import torch
 from torch import Tensor, nn
 
+from torch_activegp.errors import DataError
 from torch_activegp.models.dynamics_gp import DynamicsGP
 
 
@@ -81,7 +82,17 @@ class HeldOutGuard(nn.Module):
             base: the simulator's next states, ``(n, d)``.
             loc: the model's, ``(n, d)``.
             target: the true ones, ``(n, d)``, unwrapped like ``base``.
+
+        Raises:
+            DataError: a value is not finite.
         """
+        for name, values in (("base", base), ("loc", loc), ("target", target)):
+            bad = ~torch.isfinite(values).all(-1)
+            if bad.any():
+                raise DataError(
+                    f"Wanted finite held-out predictions, found NaN or infinity in `{name}`, row "
+                    f"{int(bad.nonzero()[0])} of {len(values)}. Leave such transitions out."
+                )
         error, correction = (target - base).to(self.sums), (loc - base).to(self.sums)
         count = error.new_full((error.shape[-1],), error.shape[0])
         parts = [error.square().sum(0), (error * correction).sum(0), correction.square().sum(0), count]

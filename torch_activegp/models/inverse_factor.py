@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from itertools import pairwise
+
 import torch
 from linear_operator.utils.cholesky import psd_safe_cholesky
 from torch import Tensor
@@ -76,4 +78,4 @@ class InverseFactor:
         inverse = self.inverse
         count = max(1, round(self.size / _BLOCK))
         edges = [round(self.size * i / count) for i in range(count + 1)]
-        return [(stop, inverse[:, start:stop, :stop]) for start, stop in zip(edges, edges[1:], strict=False)]
+        return [(stop, inverse[:, start:stop, :stop]) for start, stop in pairwise(edges)]

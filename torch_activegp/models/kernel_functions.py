@@ -15,6 +15,9 @@ from gpytorch import settings
 from gpytorch.kernels import Kernel, MaternKernel, RBFKernel, ScaleKernel
 from torch import Tensor
 
+_FAR = 1e3
+"""Squared distance from zero, in length-scales, up to which rounding in the exponent stays below 1e-12."""
+
 
 class KernelFunction(ABC):
     """The functions z -> k(z, Z) and z -> k(z, z) for fixed Z and hyper-parameters; ``h`` heads."""
@@ -51,7 +54,8 @@ class GpytorchFunction(KernelFunction):
 class RBFFunction(KernelFunction):
     """outputscale * exp(-|(z - Z) / l|^2 / 2).
 
-    The exponent comes from one large and one small matrix product: z . (Z / l^2) - |z / l|^2 / 2 - |Z / l|^2 / 2.
+    The exponent comes from one large and one small matrix product: z . (Z / l^2) - |z / l|^2 / 2 - |Z / l|^2 / 2. Where
+    Z lies far from zero, its mean is subtracted first, so that nothing cancels.
 
     Args:
         inverse_lengthscale: 1 / l, ``(1,)`` or ``(D,)``.
@@ -64,6 +68,10 @@ class RBFFunction(KernelFunction):
     def __init__(self, inverse_lengthscale: Tensor, centers: Tensor, outputscale: Tensor) -> None:
         self.outputscale = outputscale
         precision = inverse_lengthscale.square().expand(centers.shape[-1])
+        self.center: Tensor | None = None
+        if bool((centers.square() @ precision > _FAR).any()):
+            self.center = centers.mean(0)
+            centers = centers - self.center
         scaled = centers * precision
         self.scaled_centers = scaled.mT.contiguous()
         self.bias = outputscale.log() - (scaled * centers).sum(-1) / 2
@@ -71,6 +79,7 @@ class RBFFunction(KernelFunction):
 
     def cross(self, z: Tensor, out: Tensor | None = None) -> Tensor:
         """See :class:`KernelFunction`."""
+        z = z if self.center is None else z - self.center
         target = None if out is None else out[0]
         exponent = torch.addmm(self.bias, z, self.scaled_centers, out=target)
         return exponent.add_(torch.mm(z * z, self.minus_half_precision)).exp_().unsqueeze(0)

@@ -5,6 +5,7 @@ from __future__ import annotations
 import torch
 from torch import Tensor
 
+from torch_activegp.errors import ConfigurationError, ShapeError
 from torch_activegp.models.dynamics_gp import DynamicsGP
 from torch_activegp.simulators import ActionSpace, Simulator
 
@@ -20,14 +21,22 @@ class LearnedSimulator(Simulator):
         dt: time between two states, s.
         trust: how much of the learned correction is believed, ``(d,)`` in [0, 1]; see
             :class:`~torch_activegp.models.HeldOutGuard`. Default 1.
+
+    Raises:
+        ConfigurationError: the GP has no state space.
+        ShapeError: ``trust`` is not ``(d,)``.
     """
 
     trust: Tensor
 
     def __init__(self, gp: DynamicsGP, action_space: ActionSpace, dt: float, trust: Tensor | None = None) -> None:
+        if gp.state_space is None:
+            raise ConfigurationError("Wanted a GP with a state space. Pass DynamicsGP(..., state_space=...).")
+        if trust is not None and trust.shape != gp.output_scale.shape:
+            raise ShapeError(f"Wanted trust of shape {tuple(gp.output_scale.shape)}, found {tuple(trust.shape)}.")
         super().__init__(gp.state_space, action_space, dt)
         self.gp = gp
-        self.register_buffer("trust", torch.ones_like(gp.output_scale) if trust is None else trust.clone())
+        self.register_buffer("trust", torch.ones_like(gp.output_scale) if trust is None else trust.to(gp.output_scale))
 
     def step(self, state: Tensor, action: Tensor) -> Tensor:
         """Advance states ``(..., d)`` under actions ``(..., m)``; see :meth:`Simulator.step`."""

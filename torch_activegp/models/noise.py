@@ -111,14 +111,15 @@ class LearnedNoise(NoiseSchedule):
 class HeldNoise(NoiseSchedule):
     """Another schedule, held in stages: it moves only when the data has grown by ``growth``.
 
-    Most updates are then appends, at the price of a slightly larger noise.
+    Most updates are then appends, at the price of a slightly larger noise. A schedule that counts episodes may also
+    move when one begins.
 
     Args:
         schedule: the schedule to hold.
         growth: ratio between the numbers of points at which the noise moves, above 1.
 
     Raises:
-        ConfigurationError: ``growth`` is not above 1.
+        ConfigurationError: ``growth`` is not above 1 and finite.
 
     Example:
         >>> HeldNoise(InverseSquareNoise(), growth=2.0).variance(Count(points=15, episode=1, step=15)) == 1 / 8**2
@@ -126,8 +127,8 @@ class HeldNoise(NoiseSchedule):
     """
 
     def __init__(self, schedule: NoiseSchedule, growth: float = 1.25) -> None:
-        if not growth > 1:
-            raise ConfigurationError(f"Wanted growth > 1, found {growth}.")
+        if not 1 < growth < math.inf:
+            raise ConfigurationError(f"Wanted a finite growth > 1, found {growth}.")
         self.schedule = schedule
         self.growth = growth
 

@@ -10,8 +10,10 @@ from torch import Tensor, nn
 
 from torch_activegp.errors import DataError, ShapeError
 from torch_activegp.means import EpisodicMean
+from torch_activegp.models.fingerprint import Fingerprint
 
 if TYPE_CHECKING:
+    from torch_activegp.models.cached_posterior import CachedPosterior
     from torch_activegp.models.dynamics_gp import DynamicsGP
 
 
@@ -24,6 +26,9 @@ class TrainingData(nn.Module):
 
     inputs: Tensor
     targets: Tensor
+    output_scale: Tensor
+    _counts: Tensor
+    _cache: CachedPosterior | None
     batch_shape: torch.Size
 
     @property
@@ -33,7 +38,7 @@ class TrainingData(nn.Module):
 
     @property
     def train_inputs(self) -> tuple[Tensor] | None:
-        """gpytorch's view of the inputs: one tensor ``(d, n, D)``, or None without data."""
+        """View of gpytorch of the inputs: one tensor ``(d, n, D)``, or None without data."""
         if "inputs" not in self._buffers or not self.num_points:
             return None
         return (self.inputs.expand(*self.batch_shape, *self.inputs.shape),)
@@ -45,7 +50,7 @@ class TrainingData(nn.Module):
 
     @property
     def train_targets(self) -> Tensor | None:
-        """gpytorch's view of the targets: ``(d, n)``, or None without data."""
+        """View of gpytorch of the targets: ``(d, n)``, or None without data."""
         return self.targets.mT if "targets" in self._buffers and self.num_points else None
 
     @train_targets.setter
@@ -53,9 +58,10 @@ class TrainingData(nn.Module):
         self.register_buffer("targets", torch.zeros(0, 0) if value is None else value.mT)
 
     def set_train_data(self, inputs: Any = None, targets: Tensor | None = None, strict: bool = True) -> None:
-        """gpytorch's way to set the data: inputs ``(d, n, D)`` or ``(n, D)``, targets ``(d, n)``, already unwrapped."""
-        super().set_train_data(inputs, targets, strict)
-        self._cache = None
+        """Set the data as gpytorch does: inputs ``(d, n, D)`` or ``(n, D)``, targets ``(d, n)``, already unwrapped."""
+        super().set_train_data(inputs, targets, strict)  # type: ignore[misc]
+        self._counts[1].clamp_(min=1)  # the posterior is no longer the one that the episode began with
+        self.forget()
 
     def add_points(self, z: Tensor, targets: Tensor) -> None:
         """Add points ``(n', D)`` with targets ``(n', d)``."""
@@ -64,21 +70,26 @@ class TrainingData(nn.Module):
         self.inputs, self.targets = z, targets
         self.prediction_strategy = None
 
+    def forget(self) -> None:
+        """Drop what was computed for the present data and hyper-parameters: our posterior and gpytorch's."""
+        self._cache, self.prediction_strategy = None, None
+
     def _apply(self, fn: Any, recurse: bool = True) -> nn.Module:
-        self._cache = None
+        self.forget()
+        self._mean_seen, self._seen = Fingerprint(), Fingerprint()
         return nn.Module._apply(self, fn, recurse)
 
     def _load_from_state_dict(self, state_dict: Mapping[str, Any], prefix: str, *args: Any) -> None:
         for name in ("inputs", "targets"):
             if prefix + name in state_dict:
-                setattr(self, name, torch.empty_like(state_dict[prefix + name], dtype=self.output_scale.dtype))
+                setattr(self, name, torch.empty_like(state_dict[prefix + name]).to(self.output_scale))
         mean = self.mean_module
         if isinstance(mean, EpisodicMean):
             stem = prefix + "mean_module.expansions."
             indices = sorted({int(key[len(stem) :].split(".")[0]) for key in state_dict if key.startswith(stem)})
             shapes = [(state_dict[f"{stem}{i}.centers"].shape, state_dict[f"{stem}{i}.weights"].shape) for i in indices]
             mean.allocate(self.covar_module, shapes)
-        self._cache, self.prediction_strategy = None, None
+        self.forget()
         super()._load_from_state_dict(state_dict, prefix, *args)
 
 
