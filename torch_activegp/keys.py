@@ -10,6 +10,7 @@ SCALE            posterior standard deviation, ``(..., d)``          sigma_{tau,
 PRIOR_LOC        mean at the start of the episode, ``(..., d)``      m_tau(x, u)
 SIMULATOR_LOC    the simulator's next state, ``(..., d)``            p_0(x, u)
 NOISE_SCALE      standard deviation of the noise, ``(..., d)``       sigma
+SIGNAL_SCALE     prior standard deviation of f - m, ``(..., d)``     1 in the paper
 SCORE            acquisition value, ``(..., 1)``                     A(u; x)
 REWARD           what a planner maximises, ``(..., 1)``
 ===============  ==================================================  ======================
@@ -27,8 +28,9 @@ SCALE = "scale"
 PRIOR_LOC = "prior_loc"
 SIMULATOR_LOC = "simulator_loc"
 NOISE_SCALE = "noise_scale"
+SIGNAL_SCALE = "signal_scale"
 SCORE = "score"
 REWARD = "reward"
 
-POSTERIOR_KEYS = (LOC, SCALE, PRIOR_LOC, SIMULATOR_LOC, NOISE_SCALE)
+POSTERIOR_KEYS = (LOC, SCALE, PRIOR_LOC, SIMULATOR_LOC, NOISE_SCALE, SIGNAL_SCALE)
 """The keys that a GP's posterior can fill."""

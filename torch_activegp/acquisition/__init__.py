@@ -1,6 +1,7 @@
 """Acquisition functions: what an experiment is worth, as TensorDict modules."""
 
 from torch_activegp.acquisition.base import AcquisitionFunction
+from torch_activegp.acquisition.directed_spread import DirectedSpread
 from torch_activegp.acquisition.discrepancy import Discrepancy
 from torch_activegp.acquisition.random_score import RandomScore
 from torch_activegp.acquisition.safe_set import Box, SafeSet
@@ -10,6 +11,7 @@ from torch_activegp.acquisition.weighted_sum import WeightedSum, prior_discrepan
 __all__ = [
     "AcquisitionFunction",
     "Box",
+    "DirectedSpread",
     "Discrepancy",
     "InformationGain",
     "RandomScore",

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from collections.abc import Sequence
-from typing import ClassVar
+from typing import Any, ClassVar
 
 import torch
 from tensordict import TensorDictBase
@@ -32,9 +32,7 @@ class AcquisitionFunction(TensorDictModuleBase, ABC):
     default_in_keys: ClassVar[tuple[NestedKey, ...]]
     default_out_keys: ClassVar[tuple[NestedKey, ...]]
 
-    def __init__(
-        self, in_keys: Sequence[NestedKey] | None = None, out_keys: Sequence[NestedKey] | None = None
-    ) -> None:
+    def __init__(self, in_keys: Sequence[NestedKey] | None = None, out_keys: Sequence[NestedKey] | None = None) -> None:
         super().__init__()
         self.in_keys = list(self.default_in_keys if in_keys is None else in_keys)
         self.out_keys = list(self.default_out_keys if out_keys is None else out_keys)
@@ -45,7 +43,7 @@ class AcquisitionFunction(TensorDictModuleBase, ABC):
             )
 
     @abstractmethod
-    def evaluate(self, *inputs: Tensor) -> Tensor:
+    def evaluate(self, *args: Any, **kwargs: Any) -> Tensor:
         """The value at each point: tensors ``(..., d)`` in the order of :attr:`in_keys` to ``(..., 1)``."""
 
     def forward(self, tensordict: TensorDictBase) -> TensorDictBase:

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
+from typing import cast
 
 import torch
 from tensordict import TensorDictBase
@@ -51,8 +52,8 @@ class WeightedSum(TensorDictModuleBase):
             )
         self.terms = nn.ModuleList(terms)
         self.weights = weights
-        self.in_keys = list(dict.fromkeys(key for term in terms for key in term.in_keys))
-        self.out_keys = [*(key for term in terms for key in term.out_keys), *out_keys]
+        self.in_keys: list[NestedKey] = list(dict.fromkeys(key for term in terms for key in term.in_keys))
+        self.out_keys: list[NestedKey] = [*(key for term in terms for key in term.out_keys), *out_keys]
         if len(out_keys) != 1 or len(set(self.out_keys)) != len(self.out_keys):
             raise ConfigurationError(
                 f"WeightedSum: wanted one out_key and distinct ones in the terms, found {self.out_keys}, the last "
@@ -61,7 +62,8 @@ class WeightedSum(TensorDictModuleBase):
 
     def forward(self, tensordict: TensorDictBase) -> TensorDictBase:
         """Write every term and the sum."""
-        values = [term(tensordict).get(term.out_keys[-1]) for term in self.terms]
+        terms = cast(Iterable[TensorDictModuleBase], self.terms)
+        values = [term(tensordict).get(term.out_keys[-1]) for term in terms]
         total = torch.zeros_like(values[0])
         for value, weight in zip(values, self.weights, strict=True):
             if weight:

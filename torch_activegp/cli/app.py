@@ -2,32 +2,88 @@
 
 from __future__ import annotations
 
-import sys
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Annotated, Any
 
 import typer
 from rich.console import Console
+from typer.core import TyperGroup
 
+import torch_activegp
 from torch_activegp.errors import ActiveGPError
+
+USAGE, INTERRUPTED = 2, 130
+"""Exit codes: input that the user can mend; Ctrl-C."""
+
+console = Console(stderr=True)
+"""For progress, notes and errors."""
+results = Console()
+"""For what the user asked for; can be piped into a file."""
+
+
+class _Group(TyperGroup):
+    """Commands whose errors end with one message and an exit code, however they are called."""
+
+    def invoke(self, ctx: Any) -> Any:
+        """Run a command."""
+        try:
+            return super().invoke(ctx)
+        except ActiveGPError as error:
+            console.print("[bold red]Error:[/]", end=" ")
+            console.print(str(error), markup=False, highlight=False, soft_wrap=True)
+            raise typer.Exit(USAGE) from error
+        except KeyboardInterrupt as error:
+            console.print("Interrupted.")
+            raise typer.Exit(INTERRUPTED) from error
+
 
 app = typer.Typer(
     name="torch-activegp",
-    help="Learn where a simulator is wrong: choose the experiments that tell most, with the simulator as prior.",
+    cls=_Group,
     no_args_is_help=True,
     add_completion=False,
-    rich_markup_mode="rich",
+    rich_markup_mode="markdown",
     pretty_exceptions_enable=False,
 )
-console = Console(stderr=True)
+
+
+def _print_version(wanted: bool) -> None:
+    if wanted:
+        typer.echo(f"torch-activegp {torch_activegp.__version__}")
+        raise typer.Exit
+
+
+@app.callback()
+def _describe(
+    version: Annotated[
+        bool, typer.Option("--version", callback=_print_version, is_eager=True, help="Print the version and stop.")
+    ] = False,
+) -> None:
+    """Learn where a simulator is wrong, with the simulator as the prior of a Gaussian process.
+
+    See it work:  `torch-activegp explore pendulum`
+
+    Every command explains itself with --help. Exit codes: 0 done, 2 input that you can mend (one message says how),
+    130 interrupted.
+    """
+
+
+@contextmanager
+def interruptible(folder: Path) -> Iterator[None]:
+    """Say after Ctrl-C how the run in a folder goes on."""
+    try:
+        yield
+    except KeyboardInterrupt as error:
+        console.print(
+            f"Interrupted. {folder} keeps every complete episode: run the same command with --resume to go on.",
+            highlight=False,
+            soft_wrap=True,
+        )
+        raise typer.Exit(INTERRUPTED) from error
 
 
 def main() -> None:
-    """Run the command line; errors that the user can mend end with one message and exit code 2."""
-    try:
-        app()
-    except ActiveGPError as error:
-        console.print(f"[bold red]Error:[/] {type(error).__name__}:", end=" ")
-        console.print(str(error), markup=False, highlight=False, soft_wrap=True)
-        sys.exit(2)
-    except KeyboardInterrupt:
-        console.print("Interrupted. What is complete is saved; run the same command with --resume to go on.")
-        sys.exit(130)
+    """Run the command line."""
+    app()

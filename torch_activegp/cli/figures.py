@@ -2,111 +2,163 @@
 
 from __future__ import annotations
 
+import os
 import time
+from collections import defaultdict
+from collections.abc import Iterable, Sequence
+from contextlib import closing
+from functools import partial
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any
 
 import pandas as pd
 import typer
 from rich.table import Table
 
-from torch_activegp.cli.app import app, console
-from torch_activegp.cli.options import Episodes, Horizon, Out, Resume, Seed, Steps
-from torch_activegp.cli.progress import progress_bar
-from torch_activegp.errors import ConfigurationError
+from torch_activegp.cli.app import app, console, interruptible, results
+from torch_activegp.cli.options import (
+    BoundsOption,
+    Episodes,
+    Horizon,
+    Out,
+    Prior,
+    Resume,
+    Seed,
+    Steps,
+    System,
+    output_folder,
+    parse_bounds,
+)
+from torch_activegp.cli.progress import EpisodeProgress, show_time
+from torch_activegp.cli.tasks import check_methods, load_task
 from torch_activegp.experiments import (
     METHODS,
-    TASKS,
     Budget,
     GridEvaluation,
+    Step,
+    Trial,
     check_claims,
     draw_figures,
+    make_trials,
     records_table,
     run_study,
 )
-from torch_activegp.experiments.claims import claims_as_dicts
-from torch_activegp.experiments.output import open_output, write_json, write_table
+from torch_activegp.experiments.claims import claims_as_dicts, claims_as_markdown
+from torch_activegp.experiments.methods import PAPER_METHODS
+from torch_activegp.experiments.output import check_output, open_output, write_json, write_table, write_text
+from torch_activegp.experiments.study import METRICS
+from torch_activegp.loops import EpisodeRecord
 
-_PAPER = "discrepancy,opax,opax-prior,sigma,random"
+_MAY_GROW = ("episodes", "trials", "methods")
+_COLOURS = {"held": "green", "not held": "red", "not distinguishable yet": "yellow"}
 
 
 @app.command()
 def figures(
-    system: Annotated[str, typer.Argument(help=f"One of {', '.join(TASKS)}.")] = "pendulum",
-    trials: Annotated[int, typer.Option(help="Trials of each method, with seeds SEED, SEED + 1, ...")] = 10,
-    methods: Annotated[str, typer.Option(help=f"Comma-separated, of {', '.join(METHODS)}.")] = _PAPER,
+    system: System = "pendulum",
+    prior: Prior = None,
+    trials: Annotated[int, typer.Option(min=1, help="Trials of each method, with seeds SEED, SEED + 1, ...")] = 10,
+    methods: Annotated[str, typer.Option(help=f"Separated by commas, of {', '.join(METHODS)}.")] = ",".join(
+        PAPER_METHODS
+    ),
     episodes: Episodes = 30,
     steps: Steps = 10,
     horizon: Horizon = 10,
     seed: Seed = 0,
-    jobs: Annotated[int, typer.Option(help="Processes; -1 for one a core.")] = -1,
-    out: Out = Path("figures-out"),
+    bounds: BoundsOption = None,
+    jobs: Annotated[int, typer.Option(min=0, help="Processes; 0: one for each core.")] = 0,
+    out: Out = None,
     resume: Resume = False,
 ) -> None:
-    """Run the paper's methods against each other and draw its three figures.
+    """Run the paper's method against its baselines and draw the paper's three figures.
 
-    Writes metrics.csv (the same for the same seeds), summary.json with the paper's claims (held or not held), and the
-    figures as PNG and SVG: mean over the trials, band from smallest to largest. --resume finishes an interrupted study.
+    All methods share the GP and the planner. The results depend on the seeds alone, not on --jobs.
 
-    Example: torch-activegp figures pendulum --trials 2 --episodes 15 --out figures-out
+    Example:  `torch-activegp figures pendulum --trials 2 --episodes 15 --out runs/figures`
+
+    Writes metrics.csv (one row for each episode of each trial), figures.png and .svg (and each figure alone: mean over
+    the trials, band from smallest to largest), claims.md and summary.json (the paper's claims: held or not held),
+    settings.json, and a checkpoint for each trial. --resume finishes a run that was interrupted, or goes on with more
+    --episodes, --trials or --methods.
     """
     began = time.perf_counter()
-    names = [name.strip() for name in methods.split(",") if name.strip()]
-    _check(system, trials, names, jobs)
+    names = check_methods([name.strip() for name in methods.split(",") if name.strip()])
+    settings = {
+        "command": "figures",
+        "system": system,
+        "prior": prior,
+        "bounds": parse_bounds(bounds),
+        "methods": names,
+        "trials": trials,
+        "seed": seed,
+        "steps": steps,
+        "horizon": horizon,
+        "episodes": episodes,
+    }
+    folder = output_folder(out, "figures", system)
+    check_output(folder, settings, resume=resume, may_grow=_MAY_GROW)
+    make_task = partial(load_task, system, prior, parse_bounds(bounds))
+    task = make_task()
+    prior_mse = GridEvaluation(task).prior_mse
     budget = Budget(episodes=episodes, episode_length=steps, planning_horizon=horizon)
-    settings = {"command": "figures", "system": system, "methods": names, "trials": trials, "seed": seed}
-    open_output(out, {**settings, "episodes": episodes, "steps": steps, "horizon": horizon}, resume=resume)
-    results = []
-    with progress_bar(console, "trials") as progress:
-        bar = progress.add_task(f"{system}", total=trials * len(names))
-        study = run_study(TASKS[system], names, trials, budget, out / "trials", first_seed=seed, num_jobs=jobs)
-        for trial, records in study:
-            results.append((trial, records))
-            progress.console.print(f"{trial.method}, trial {trial.seed}: {records[-1]}", highlight=False)
-            progress.advance(bar)
-    table = records_table(results, names)
-    write_table(out / "metrics.csv", table)
-    draw_figures(table, out, f"{system}: mean of {trials} trials, band from smallest to largest")
+    open_output(folder, settings, resume=resume, may_grow=_MAY_GROW)
+    if task.description:
+        console.print(f"{task.name}: {task.description}", highlight=False, soft_wrap=True)
+    schedule = make_trials(names, trials, seed)
+    with interruptible(folder):
+        study = run_study(make_task, schedule, budget, folder / "trials", num_jobs=jobs or os.cpu_count() or 1)
+        with closing(study):
+            table = records_table(_collect(study, episodes * len(schedule)), names)
+        _write(folder, table, settings, unit=task.unit, prior_mse=prior_mse, began=began)
+
+
+def _collect(study: Iterable[Step], total: int) -> dict[Trial, list[EpisodeRecord]]:
+    """Run a study to its end under a progress bar."""
+    records: dict[Trial, list[EpisodeRecord]] = defaultdict(list)
+    with EpisodeProgress(console, "running", total) as progress:
+        for step in study:
+            records[step.trial].append(step.record)
+            progress.advance(restored=step.restored)
+    return records
+
+
+def _write(
+    folder: Path, table: pd.DataFrame, settings: dict[str, Any], *, unit: str, prior_mse: float, began: float
+) -> None:
+    several = settings["trials"] > 1
+    title = f"{settings['system']}, {settings['trials']} trial{'s' * several}"
+    heading = title + ": mean, and band from smallest to largest" * several
     claims = check_claims(table)
-    prior_mse = GridEvaluation(TASKS[system]()).prior_mse
-    write_json(
-        out / "summary.json",
-        {
-            **settings,
-            "prior_mse": prior_mse,
-            "final": _final(table),
-            "claims": claims_as_dicts(claims),
-            "seconds": round(time.perf_counter() - began, 1),
-        },
-    )
-    _print_summary(table, prior_mse)
+    write_table(folder / "metrics.csv", table)
+    draw_figures(table, folder, heading, unit=unit, prior_mse=prior_mse)
+    write_text(folder / "claims.md", claims_as_markdown(claims, f"{title} of {settings['episodes']} episodes"))
+    seconds = time.perf_counter() - began
+    summary = {
+        **settings,
+        "prior_mse": prior_mse,
+        "final": _final(table),
+        "claims": claims_as_dicts(claims),
+        "seconds": round(seconds, 1),
+    }
+    write_json(folder / "summary.json", summary)
+    results.print(_overview(table, prior_mse))
     for claim in claims:
-        mark = "[green]held[/]" if claim.held else "[yellow]not held[/]"
-        console.print(f"{mark}: {claim.text} {claim.seen}", highlight=False)
-    console.print(f"Figures: {out / 'figures.png'}")
-
-
-def _check(system: str, trials: int, names: list[str], jobs: int) -> None:
-    unknown = [name for name in names if name not in METHODS]
-    if system not in TASKS:
-        raise ConfigurationError(f"Unknown system {system!r}. Choose one of {', '.join(TASKS)}.")
-    if unknown or not names or len(set(names)) < len(names):
-        raise ConfigurationError(f"Wanted distinct methods of {', '.join(METHODS)}, found {', '.join(names) or 'none'}.")
-    if trials < 1 or jobs == 0:
-        raise ConfigurationError(f"Wanted --trials >= 1 and --jobs other than 0, found {trials} and {jobs}.")
+        results.print(f"[{_COLOURS[claim.verdict]}]{claim.verdict}[/]: {claim.text}", highlight=False, soft_wrap=True)
+        results.print(f"    {claim.seen}", highlight=False, markup=False, soft_wrap=True)
+    results.print(f"Done in {show_time(seconds)}. See {folder / 'figures.png'}.", highlight=False, soft_wrap=True)
 
 
 def _final(table: pd.DataFrame) -> dict[str, dict[str, dict[str, float]]]:
     last = table[table["episode"] == table["episode"].max()]
-    columns = ["max_variance", "mse", "discrepancy"]
-    stats = last.groupby("method", sort=False)[columns].agg(["mean", "min", "max"])
+    stats: Sequence[str] = ("mean", "min", "max")
+    found = last.groupby("method", sort=False)[list(METRICS)].agg(list(stats))
     return {
-        str(method): {column: {stat: float(row[column][stat]) for stat in ("mean", "min", "max")} for column in columns}
-        for method, row in stats.iterrows()
+        str(method): {column: {stat: float(row[column][stat]) for stat in stats} for column in METRICS}
+        for method, row in found.iterrows()
     }
 
 
-def _print_summary(table: pd.DataFrame, prior_mse: float) -> None:
+def _overview(table: pd.DataFrame, prior_mse: float) -> Table:
     view = Table(title=f"After the last episode, mean of the trials (simulator alone: MSE {prior_mse:.3g})")
     for heading in ("method", "MSE", "max variance", "mean |p0 - f| visited"):
         view.add_column(heading, justify="left" if heading == "method" else "right")
@@ -115,4 +167,4 @@ def _print_summary(table: pd.DataFrame, prior_mse: float) -> None:
     for method, row in last.iterrows():
         cells = (f"{value:.3g}" for value in (row["mse"], row["max_variance"], visited[method]))
         view.add_row(METHODS[str(method)].title, *cells)
-    console.print(view)
+    return view

@@ -1,25 +1,97 @@
-"""Progress with the time that remains."""
+"""Progress with the time that remains: a bar on a terminal, now and then a line elsewhere."""
 
 from __future__ import annotations
 
+import sys
+import time
+from collections.abc import Callable
+from types import TracebackType
+
 from rich.console import Console
-from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn, TimeRemainingColumn
+from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
 
 
-def progress_bar(console: Console, unit: str) -> Progress:
-    """A bar that shows what is done, of how much, since when, and how long it will still take.
+class EpisodeProgress:
+    """Counts episodes; a context manager.
 
     Args:
-        console: where to draw.
-        unit: what is counted, e.g. ``"trials"``.
+        console: where to show it.
+        title: what is being done.
+        total: number of episodes, with those of an earlier run.
+        interval: time between two lines where there is no terminal, s.
+        clock: the present time, s.
     """
-    return Progress(
-        TextColumn("{task.description}"),
-        BarColumn(),
-        MofNCompleteColumn(),
-        TextColumn(unit),
-        TimeElapsedColumn(),
-        TextColumn("left:"),
-        TimeRemainingColumn(),
-        console=console,
-    )
+
+    def __init__(
+        self,
+        console: Console,
+        title: str,
+        total: int,
+        *,
+        interval: float = 10.0,
+        clock: Callable[[], float] = time.monotonic,
+    ) -> None:
+        self.console, self.title, self.total = console, title, total
+        self.interval, self.clock = interval, clock
+        self.done = self.restored = 0
+        self._began = self._shown = clock()
+        columns = (
+            TextColumn("{task.description}"),
+            BarColumn(bar_width=20),
+            MofNCompleteColumn(),
+            TextColumn("episodes,"),
+            TimeElapsedColumn(),
+            TextColumn("{task.fields[left]}"),
+        )
+        self._bar = Progress(*columns, console=console, redirect_stdout=sys.stdout.isatty())
+        self._bar_task = self._bar.add_task(title, total=total, left="")
+
+    def __enter__(self) -> EpisodeProgress:
+        """Show the bar."""
+        self._began = self._shown = self.clock()
+        if self.console.is_terminal:
+            self._bar.start()
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        """Leave the bar as it is."""
+        if self.console.is_terminal:
+            self._bar.stop()
+
+    @property
+    def seconds_left(self) -> float | None:
+        """What remains at the pace so far, s; None before the first new episode. Restored ones took no time."""
+        new = self.done - self.restored
+        return (self.clock() - self._began) / new * (self.total - self.done) if new else None
+
+    def advance(self, *, restored: bool = False) -> None:
+        """Count one more episode; ``restored``: an earlier run did it."""
+        self.done += 1
+        self.restored += restored
+        self._bar.update(self._bar_task, completed=self.done, left=self._left())
+        now = self.clock()
+        if not self.console.is_terminal and not restored and now - self._shown >= self.interval:
+            self._shown = now
+            self.console.print(
+                f"{self.title}: {self.done} of {self.total} episodes, {self._left()}", highlight=False, soft_wrap=True
+            )
+
+    def _left(self) -> str:
+        return "" if self.seconds_left is None else f"about {show_time(self.seconds_left)} left"
+
+
+def show_time(seconds: float) -> str:
+    """Minutes and seconds, or hours and minutes, in words.
+
+    Example:
+        >>> show_time(75.2), show_time(4000), show_time(8)
+        ('1 min 15 s', '1 h 7 min', '8 s')
+    """
+    whole = round(seconds)
+    if whole < 60:
+        return f"{whole} s"
+    if whole < 3600:
+        return f"{whole // 60} min {whole % 60} s"
+    return f"{whole // 3600} h {round(whole % 3600 / 60)} min"

@@ -6,7 +6,6 @@ from collections.abc import Callable
 
 import torch
 from tensordict import TensorDict, TensorDictBase
-from tensordict.nn import TensorDictModuleBase
 from torch import Tensor
 from torchrl.data import ReplayBuffer
 from torchrl.envs import EnvBase
@@ -14,9 +13,6 @@ from torchrl.envs.utils import step_mdp
 
 from torch_activegp import keys
 from torch_activegp.errors import ConfigurationError, SimulationError
-
-Policy = TensorDictModuleBase | Callable[[TensorDictBase], TensorDictBase]
-"""From a TensorDict with ``"state"`` to one with the environment's action, too."""
 
 
 class EpisodeCollector:
@@ -48,7 +44,7 @@ class EpisodeCollector:
     def __init__(
         self,
         env: EnvBase,
-        policy: Policy,
+        policy: Callable[[TensorDictBase], TensorDictBase],
         episode_length: int,
         *,
         replay_buffer: ReplayBuffer | None = None,

@@ -69,7 +69,7 @@ class LargestScoreStart(nn.Module):
             if value < 1:
                 raise ConfigurationError(f"LargestScoreStart: wanted {name} >= 1, found {value}.")
         space = state_space_of(gp)
-        low, high = _box(space, action_space)
+        low, high = bounded_box(space, action_space)
         self.register_buffer("low", low, persistent=False)
         self.register_buffer("high", high, persistent=False)
         self.__dict__.update(gp=gp, state_space=space)  # not submodules: the start does not own the model
@@ -149,11 +149,16 @@ def state_space_of(gp: DynamicsGP) -> StateSpace:
     return space
 
 
-def _box(space: StateSpace, action_space: ActionSpace) -> tuple[Tensor, Tensor]:
+def bounded_box(space: StateSpace, action_space: ActionSpace) -> tuple[Tensor, Tensor]:
+    """The corners of the box of states and actions, each ``(d + m,)``.
+
+    Raises:
+        ConfigurationError: a bound is infinite.
+    """
     low, high = torch.cat([space.low, action_space.low]), torch.cat([space.high, action_space.high])
     if not bool(torch.isfinite(high - low).all()):
         raise ConfigurationError(
-            f"LargestScoreStart: wanted finite bounds of states and actions, found low={low.tolist()}, "
+            f"Wanted finite bounds of states and actions, found low={low.tolist()}, "
             f"high={high.tolist()}. Give the simulator bounds that cover what may be visited, or start at the "
             "environment's own reset (start=None)."
         )

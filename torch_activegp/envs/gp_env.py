@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import cast
+
 import torch
 from tensordict import TensorDict, TensorDictBase
 from tensordict.nn import TensorDictModuleBase
@@ -16,9 +18,9 @@ from torch_activegp.envs.transitions import MeanTransition, Transition
 from torch_activegp.errors import ConfigurationError, ShapeError
 from torch_activegp.means import EpisodicMean
 from torch_activegp.models import DynamicsGP
-from torch_activegp.models.cached_posterior import Features
+from torch_activegp.models.cached_posterior import CachedPosterior, Features
 from torch_activegp.models.posterior_module import posterior_quantities
-from torch_activegp.simulators import ActionSpace
+from torch_activegp.simulators import ActionSpace, StateSpace
 
 
 class GPEnv(ModelBasedEnvBase):
@@ -118,7 +120,7 @@ class GPEnv(ModelBasedEnvBase):
         if set_state:
             state = given_state(tensordict, self.gp.output_scale, self.gp.num_outputs)
         else:
-            state = self.gp.state_space.sample(shape, self.generator).to(self.gp.output_scale)
+            state = self.world_model.state_space.sample(shape, self.generator).to(self.gp.output_scale)
         return TensorDict({keys.STATE: state}, batch_size=shape, device=self.device)
 
     def _set_seed(self, seed: int | None) -> None:
@@ -152,7 +154,7 @@ class _Imagination(TensorDictModuleBase):
         self.action_space = action_space
         self.transition = transition
         self.action_key = action_key
-        self.clip = clip and bool(torch.isfinite(torch.cat([gp.state_space.low, gp.state_space.high])).any())
+        self.clip = clip and bool(torch.isfinite(torch.stack([self.state_space.low, self.state_space.high])).any())
         self.in_keys = [keys.STATE, action_key]
         self.out_keys = [keys.STATE, keys.REWARD]
         known = (keys.STATE, keys.ACTION, *keys.POSTERIOR_KEYS)
@@ -164,9 +166,15 @@ class _Imagination(TensorDictModuleBase):
             )
 
     @property
+    def state_space(self) -> StateSpace:
+        """The GP's; :class:`GPEnv` has made sure that there is one."""
+        return cast(StateSpace, self.gp.state_space)
+
+    @property
     def wanted(self) -> list[str]:
         """The posterior quantities that the score reads."""
-        return [key for key in keys.POSTERIOR_KEYS if key in self.score.in_keys]
+        read = self.score.in_keys
+        return [key for key in keys.POSTERIOR_KEYS if key in read]
 
     def forward(self, tensordict: TensorDictBase) -> TensorDictBase:
         """One step from ``"state"`` and the planned action to the next state and the reward."""
@@ -176,30 +184,34 @@ class _Imagination(TensorDictModuleBase):
         posterior = self.gp.posterior
         names = dict.fromkeys([*self.transition.needs, *self.wanted])
         quantities = posterior_quantities(posterior, posterior.features(z), list(names))
-        tensordict.set(keys.STATE, self._move(quantities, extra).reshape(state.shape))
+        tensordict.set(keys.STATE, self._move(self.state_space, quantities, extra).reshape(state.shape))
         return tensordict.set(keys.REWARD, self._value(z, quantities).reshape(*state.shape[:-1], 1))
 
-    @torch.no_grad()
     def imagine(self, state: Tensor, actions: Tensor) -> Tensor:
         """See :meth:`GPEnv.imagine`."""
+        posterior = self.gp.posterior  # it outlives this call, so it is not made in inference mode
+        with torch.inference_mode():
+            value = self._imagine(posterior, state, actions)
+        return value.clone()  # an ordinary tensor, which may take part in anything
+
+    def _imagine(self, posterior: CachedPosterior, state: Tensor, actions: Tensor) -> Tensor:
         *batch, candidates, horizon, _ = actions.shape
-        posterior, d = self.gp.posterior, state.shape[-1]
+        d, space = state.shape[-1], self.state_space
         controls, extra = self._split(actions.flatten(0, -3).transpose(0, 1))
         count = controls.shape[1]
-        # One piece of memory for all points, and for the state after the last; another for their kernel values.
-        z = posterior.output_scale.new_empty(horizon + 1, count, d + controls.shape[-1])
-        z[:-1, :, d:] = controls
+        # One piece of memory for all points and one for their kernel values: nothing is copied between the steps.
+        z = posterior.output_scale.new_empty(horizon, count, d + controls.shape[-1])
+        z[..., d:] = controls
         states = z[..., :d].unbind()
         states[0].unflatten(0, (*batch, candidates)).copy_(state.unsqueeze(-2))
         cross = z.new_empty(posterior.num_kernels, horizon, count, posterior.num_points)
         steps, moved_by = [], []
-        for point, memory, chosen, following in zip(z[:-1], cross.unbind(1), extra.unbind(), states[1:], strict=True):
-            features = posterior.features(point, out=memory)
-            quantities = posterior_quantities(posterior, features, self.transition.needs)
-            self._move(quantities, chosen, out=following)
-            steps.append(features)
-            moved_by.append(quantities)
-        visited = z[:-1].flatten(0, 1)
+        for t, (point, memory) in enumerate(zip(z.unbind(), cross.unbind(1), strict=True)):
+            steps.append(posterior.features(point, out=memory))
+            moved_by.append(posterior_quantities(posterior, steps[t], self.transition.needs))
+            if t + 1 < horizon:
+                self._move(space, moved_by[t], extra[t], out=states[t + 1])
+        visited = z.flatten(0, 1)
         features = Features.join(steps, visited, cross.flatten(1, 2))
         quantities = {name: torch.cat([part[name] for part in moved_by]) for name in self.transition.needs}
         late = [name for name in self.wanted if name not in quantities]
@@ -210,17 +222,18 @@ class _Imagination(TensorDictModuleBase):
         m = self.action_space.dim
         return planned[..., :m], planned[..., m:]
 
-    def _move(self, quantities: dict[str, Tensor], extra: Tensor, out: Tensor | None = None) -> Tensor:
-        space = self.gp.state_space
+    def _move(
+        self, space: StateSpace, quantities: dict[str, Tensor], extra: Tensor, out: Tensor | None = None
+    ) -> Tensor:
         following = space.wrap(self.transition.next_state(quantities, extra))
         if self.clip:
             return torch.clamp(following, space.low, space.high, out=out)
         return following if out is None else out.copy_(following)
 
     def _value(self, z: Tensor, quantities: dict[str, Tensor]) -> Tensor:
-        state, controls = z.tensor_split([self.gp.num_outputs], dim=-1)
-        points = TensorDict({keys.STATE: state, keys.ACTION: controls, **quantities}, z.shape[:1], device=z.device)
-        return self.score(points).get(self.score.out_keys[-1])
+        d, score = self.gp.num_outputs, self.score
+        visited = {keys.STATE: z[:, :d], keys.ACTION: z[:, d:]}
+        return score(TensorDict(visited | quantities, z.shape[:1], device=z.device)).get(score.out_keys[-1])
 
 
 def _action_space_of(gp: DynamicsGP) -> ActionSpace:

@@ -27,7 +27,9 @@ def given_state(tensordict: TensorDictBase | None, like: Tensor, dim: int) -> Te
     """
     state = None if tensordict is None else tensordict.get(keys.STATE, None)
     if tensordict is None or state is None:
-        raise ConfigurationError(f"reset(tensordict, set_state=True) wants a tensordict with {keys.STATE!r}, found none.")
+        raise ConfigurationError(
+            f"reset(tensordict, set_state=True) wants a tensordict with {keys.STATE!r}, found none."
+        )
     if state.shape != (*tensordict.shape, dim):
         raise ShapeError(
             f"reset: wanted a state of shape {(*tensordict.shape, dim)} in a tensordict of shape "

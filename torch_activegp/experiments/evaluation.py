@@ -6,21 +6,27 @@ import torch
 
 from torch_activegp import keys
 from torch_activegp.experiments.task import Task
+from torch_activegp.experiments.user_simulator import require_finite
 from torch_activegp.loops import ActiveLearning
 
 
 class GridEvaluation:
-    """Evaluate a loop's model on the test grid of a task.
+    """Evaluate a loop's model on the test points of a task.
 
     Args:
         task: supplies grid, truth and the imperfect simulator.
+
+    Raises:
+        SimulationError: one of the two simulators is not finite on the grid.
     """
 
     def __init__(self, task: Task) -> None:
         self.task = task
         self.z, self.following = task.test_points()
-        d = task.prior.state_dim
-        self.prior = task.prior.step(self.z[:, :d], self.z[:, d:])
+        state, action = self.z.split([task.prior.state_dim, task.prior.action_dim], dim=-1)
+        with torch.no_grad():
+            self.prior = task.prior.step(state, action)
+        require_finite(task.prior, self.prior, state, action)
 
     @torch.no_grad()
     def __call__(self, loop: ActiveLearning) -> dict[str, float]:

@@ -2,28 +2,61 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import matplotlib
 import pandas as pd
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
+from matplotlib.ticker import MaxNLocator
 
 from torch_activegp.experiments.methods import METHODS
+from torch_activegp.experiments.output import atomic
 
-PANELS = {
-    "max_variance": "Largest variance on the test grid",
-    "mse": "Mean squared error on the test grid",
-    "discrepancy": "Discrepancy |p0 - f| at visited points",
+_STYLES = (
+    ("#0072B2", "-"),
+    ("#D55E00", "--"),
+    ("#E69F00", (0, (5, 1.5))),
+    ("#009E73", "-."),
+    ("#777777", ":"),
+    ("#CC79A7", "-"),
+    ("#56B4E9", "--"),
+    ("#000000", "-."),
+)
+"""Colour (Okabe and Ito) and line style of each method, in the order of METHODS: told apart without colours, too."""
+
+_RC: dict[Any, Any] = {
+    "svg.hashsalt": "torch_activegp",
+    "font.family": "DejaVu Sans",
+    "font.size": 10,
+    "axes.spines.top": False,
+    "axes.spines.right": False,
+    "axes.grid": True,
+    "grid.alpha": 0.25,
 }
-"""The column of each figure and its title."""
-
-_COLOURS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#777777", "#E69F00")
-_RC = {"svg.hashsalt": "torch_activegp", "font.size": 10, "axes.spines.top": False, "axes.spines.right": False}
 
 
-def draw_figures(table: pd.DataFrame, folder: Path, title: str) -> list[Path]:
-    """Draw each figure alone and all three side by side, as PNG and SVG.
+@dataclass(frozen=True)
+class _Panel:
+    column: str
+    title: str
+    label: str
+
+
+_PANELS = (
+    _Panel("max_variance", "Maximum variance on the test points", "largest variance [signal variance]"),
+    _Panel("mse", "Error on the test points", "mean squared error [({unit})²]"),
+    _Panel("discrepancy", "Discrepancy at visited points", "mean |p0 - f| [{unit}]"),
+)
+
+
+def draw_figures(
+    table: pd.DataFrame, folder: Path, title: str, *, unit: str = "units of the states", prior_mse: float | None = None
+) -> list[Path]:
+    """Draw each figure alone and all three side by side, as PNG and SVG; the same bytes for the same table.
 
     Lines are means over the trials, bands reach from the smallest to the largest.
 
@@ -31,44 +64,87 @@ def draw_figures(table: pd.DataFrame, folder: Path, title: str) -> list[Path]:
         table: from :func:`~torch_activegp.experiments.records_table`.
         folder: where to write.
         title: of the joint figure.
+        unit: of the states.
+        prior_mse: error of the imperfect simulator alone; drawn as a horizontal line.
 
     Returns:
         The files.
+
+    Raises:
+        ConfigurationError: the folder cannot be written.
     """
     files = []
     with matplotlib.rc_context(_RC):
-        for column in PANELS:
-            figure = Figure(figsize=(5, 3.6), layout="constrained")
-            _draw(figure.subplots(), table, column, legend=True)
-            files += _save(figure, folder / column)
-        figure = Figure(figsize=(13, 4), layout="constrained")
-        for axes, column in zip(figure.subplots(1, 3), PANELS, strict=True):
-            _draw(axes, table, column, legend=column == "mse")
+        for panel in _PANELS:
+            figure = Figure(figsize=(5.2, 4.4), layout="constrained")
+            _draw_all(figure, table, [panel], unit, prior_mse)
+            files += _save(figure, folder / panel.column)
+        figure = Figure(figsize=(13, 4.6), layout="constrained")
+        _draw_all(figure, table, _PANELS, unit, prior_mse)
         figure.suptitle(title)
         files += _save(figure, folder / "figures")
     return files
 
 
-def _draw(axes: Axes, table: pd.DataFrame, column: str, *, legend: bool) -> None:
-    for index, method in enumerate(table["method"].unique()):
-        group = table[table["method"] == method].groupby("episode")[column]
-        colour = _COLOURS[index % len(_COLOURS)]
+def _draw_all(
+    figure: Figure, table: pd.DataFrame, panels: Sequence[_Panel], unit: str, prior_mse: float | None
+) -> None:
+    row = figure.subplots(1, len(panels), squeeze=False)[0]
+    for axes, panel in zip(row, panels, strict=True):
+        _draw(axes, table, panel.column)
+        if panel.column == "mse" and prior_mse:
+            axes.axhline(prior_mse, color="black", linewidth=1, linestyle=(0, (1, 1)), label="Simulator alone")
+        axes.set_title(panel.title, fontsize=11)
+        axes.set_xlabel("episode")
+        axes.set_ylabel(panel.label.format(unit=unit))
+    handles = {label: handle for axes in row for handle, label in zip(*axes.get_legend_handles_labels(), strict=True)}
+    columns = 2 if len(panels) == 1 else 8
+    figure.legend(
+        handles.values(), handles.keys(), loc="outside lower center", ncols=columns, frameon=False, fontsize=9
+    )
+
+
+def _draw(axes: Axes, table: pd.DataFrame, column: str) -> None:
+    present = set(table["method"])
+    for index, (name, method) in enumerate(METHODS.items()):
+        if name not in present:
+            continue
+        colour, style = _STYLES[index % len(_STYLES)]
+        group = table[table["method"] == name].groupby("episode")[column]
         mean = group.mean()
-        axes.plot(mean.index, mean, color=colour, label=METHODS[method].title, linewidth=1.6)
-        axes.fill_between(mean.index, group.min(), group.max(), color=colour, alpha=0.15, linewidth=0)
+        marker = "o" if len(mean) == 1 else None
+        axes.fill_between(mean.index, group.min(), group.max(), color=colour, alpha=0.13, linewidth=0)
+        axes.plot(
+            mean.index,
+            mean,
+            color=colour,
+            linestyle=style,
+            linewidth=2.2 if index == 0 else 1.5,
+            marker=marker,
+            label=method.title,
+            zorder=4 if index == 0 else 3,
+        )
+    axes.xaxis.set_major_locator(MaxNLocator(integer=True))
+    axes.set_xlim(table["episode"].min() - 0.5, table["episode"].max() + 0.5)
     if column == "mse":
         axes.set_yscale("log")
-    axes.set_title(PANELS[column], fontsize=10)
-    axes.set_xlabel("episode")
-    if legend:
-        axes.legend(frameon=False, fontsize=8)
+    else:
+        _show_no_noise(axes, table[column].min(), table[column].max())
+
+
+def _show_no_noise(axes: Axes, low: float, high: float) -> None:
+    """Scale an axis to the data, but so that it shows no differences below a twentieth of the values."""
+    spare = max(high - low, 0.2 * high, 1e-12) - (high - low)
+    low = max(low - spare, 0.0)
+    margin = 0.05 * (high - low + spare)
+    axes.set_ylim(low - margin if low > margin else 0.0, high + margin)
+    axes.ticklabel_format(axis="y", useOffset=False)
 
 
 def _save(figure: Figure, stem: Path) -> list[Path]:
     files = [stem.with_suffix(suffix) for suffix in (".png", ".svg")]
     for file in files:
-        temporary = file.with_name(file.name + ".part")
-        metadata = {"Date": None} if file.suffix == ".svg" else {}
-        figure.savefig(temporary, format=file.suffix[1:], dpi=150, metadata=metadata)
-        temporary.replace(file)
+        metadata = {"Date": None, "Creator": "torch-activegp"} if file.suffix == ".svg" else {"Software": None}
+        with atomic(file) as temporary:
+            figure.savefig(temporary, format=file.suffix[1:], dpi=150, metadata=metadata)
     return files

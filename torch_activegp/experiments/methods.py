@@ -3,22 +3,25 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, field
+from functools import partial
 from pathlib import Path
+from typing import Literal
 
 import torch
 from tensordict.nn import TensorDictModule, TensorDictModuleBase, TensorDictSequential
 
 from torch_activegp import keys
-from torch_activegp.acquisition import InformationGain, RandomScore, Spread, prior_discrepancy
-from torch_activegp.collectors import LargestScoreStart
+from torch_activegp.acquisition import DirectedSpread, InformationGain, RandomScore, Spread, prior_discrepancy
+from torch_activegp.collectors import LargestErrorReductionStart, LargestScoreStart
 from torch_activegp.envs import GPEnv, MeanTransition, OptimisticTransition, SimulatorEnv, Transition
 from torch_activegp.errors import ConfigurationError
 from torch_activegp.experiments.evaluation import GridEvaluation
 from torch_activegp.experiments.task import Task
 from torch_activegp.loops import ActiveLearning
-from torch_activegp.models import DynamicsGP
+from torch_activegp.models import DynamicsGP, fit_hyperparameters
 from torch_activegp.planners import ICEMPlanner
+from torch_activegp.simulators import ActionSpace
 
 _PLAN = ("plan", "action")
 
@@ -32,24 +35,31 @@ class Method:
         score: makes the acquisition function for a GP and a seed.
         with_prior: whether the simulator is the GP's mean.
         transition: how imagined steps move.
-        starts_by_score: whether episodes start at the largest score instead of the largest variance.
+        start: where episodes start: at the largest ``"variance"``, as in the paper, at the largest ``"score"``, or with
+            the largest ``"error reduction"``.
     """
 
     title: str
     score: Callable[[DynamicsGP, int], TensorDictModuleBase]
     with_prior: bool = True
-    transition: Transition = MeanTransition()
-    starts_by_score: bool = False
+    transition: Transition = field(default_factory=MeanTransition)
+    start: Literal["variance", "score", "error reduction"] = "variance"
 
 
 METHODS: dict[str, Method] = {
-    "discrepancy": Method("Discrepancy + spread (paper)", lambda gp, seed: prior_discrepancy(1.0, gp.output_scale)),
+    "discrepancy": Method(
+        "Discrepancy + spread (paper)", lambda gp, seed: prior_discrepancy(1.0, gp.output_scale.tolist())
+    ),
     "opax": Method("OpAx", lambda gp, seed: InformationGain(), with_prior=False, transition=OptimisticTransition()),
     "opax-prior": Method("OpAx with prior", lambda gp, seed: InformationGain(), transition=OptimisticTransition()),
     "sigma": Method("Sigma-greedy", lambda gp, seed: Spread(gp.output_scale)),
+    "directed": Method("Directed spread (ours)", lambda gp, seed: DirectedSpread(), start="error reduction"),
     "random": Method("Random", lambda gp, seed: RandomScore(torch.Generator().manual_seed(seed))),
 }
-"""The methods that the command line knows by name."""
+"""The methods that the command line knows by name; a new one is a new line."""
+
+PAPER_METHODS = ("discrepancy", "opax", "opax-prior", "sigma", "random")
+"""The paper's acquisition function and its baselines."""
 
 
 @dataclass(frozen=True)
@@ -123,9 +133,20 @@ def make_loop(
         TensorDictSequential(planner, controls),
         gp,
         episode_length=budget.episode_length,
-        start=LargestScoreStart(gp, actions, score=score if chosen.starts_by_score else None, seed=seed),
+        start=_make_start(chosen, gp, actions, score, budget, seed),
+        fit=partial(fit_hyperparameters, generator=torch.Generator().manual_seed(seed))
+        if task.gp.fitted
+        else task.gp.fit,
         evaluate=GridEvaluation(task),
         checkpoint=checkpoint,
-        settings={"task": task.name, "method": method, "seed": seed},
+        settings={"task": task.name, "method": method, "seed": seed, "horizon": budget.planning_horizon},
         stateful={"score": score},
     )
+
+
+def _make_start(
+    method: Method, gp: DynamicsGP, actions: ActionSpace, score: TensorDictModuleBase, budget: Budget, seed: int
+) -> LargestErrorReductionStart | LargestScoreStart:
+    if method.start == "error reduction":
+        return LargestErrorReductionStart(gp, actions, episode_length=budget.episode_length, seed=seed)
+    return LargestScoreStart(gp, actions, score=score if method.start == "score" else None, seed=seed)

@@ -1,20 +1,24 @@
-"""Many trials side by side: methods x seeds, on all cores, resumable."""
+"""Many trials side by side: methods x seeds, in several processes, resumable."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Generator, Iterator, Mapping, Sequence
+from contextlib import closing, contextmanager
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 
-import joblib
 import pandas as pd
-import torch
 
+from torch_activegp.errors import ActiveGPError
 from torch_activegp.experiments.methods import Budget, make_loop
 from torch_activegp.experiments.task import Task
+from torch_activegp.experiments.user_simulator import name_of
+from torch_activegp.experiments.workers import run_jobs
 from torch_activegp.loops import EpisodeRecord
 
-COLUMNS = ("method", "trial", "episode", "num_points", "max_variance", "mse", "discrepancy")
+METRICS = ("max_variance", "mse", "discrepancy")
+COLUMNS = ("method", "trial", "episode", "num_points", *METRICS)
 """The columns of ``metrics.csv``: one row for each episode of each trial."""
 
 
@@ -34,78 +38,102 @@ class Trial:
         """Where the trial keeps its state."""
         return folder / f"{self.method}-{self.seed}.pt"
 
+    def __str__(self) -> str:
+        """Words for messages."""
+        return f"method {self.method}, seed {self.seed}"
 
-def run_trial(make_task: Callable[[], Task], trial: Trial, budget: Budget, folder: Path) -> list[EpisodeRecord]:
-    """Run or finish one trial on one core.
+
+@dataclass(frozen=True)
+class Step:
+    """One episode of a study.
+
+    Attributes:
+        trial: the trial that it belongs to.
+        record: what it achieved.
+        restored: whether it comes from an earlier run's checkpoint.
+    """
+
+    trial: Trial
+    record: EpisodeRecord
+    restored: bool
+
+
+def run_trial(make_task: Callable[[], Task], budget: Budget, folder: Path, trial: Trial) -> Iterator[Step]:
+    """Run or finish one trial.
 
     Args:
-        make_task: makes the task (it is called in the worker process).
-        trial: method and seed.
+        make_task: makes the task (in a worker process: there).
         budget: length and planner settings.
         folder: for the checkpoint.
+        trial: method and seed.
 
-    Returns:
-        One record an episode.
+    Yields:
+        Every episode, first those of the checkpoint.
+
+    Raises:
+        ActiveGPError: whatever stops the trial; names task, method and seed.
     """
-    threads = torch.get_num_threads()
-    torch.set_num_threads(1)
-    try:
-        loop = make_loop(make_task(), trial.method, trial.seed, budget, checkpoint=trial.checkpoint(folder))
+    task = make_task()
+    with naming(task, trial):
+        loop = make_loop(task, trial.method, trial.seed, budget, checkpoint=trial.checkpoint(folder))
         if trial.checkpoint(folder).exists():
             loop.resume()
-        for _ in loop.run(budget.episodes):
-            pass
-        return loop.records
-    finally:
-        torch.set_num_threads(threads)
+        yield from (Step(trial, record, True) for record in list(loop.records))
+        for record in loop.run(budget.episodes):
+            yield Step(trial, record, False)
+
+
+@contextmanager
+def naming(task: Task, trial: Trial) -> Iterator[None]:
+    """Put task, simulator, method and seed in front of the message of an error."""
+    try:
+        yield
+    except ActiveGPError as error:
+        raise type(error)(f"{task.name} (imperfect simulator: {name_of(task.prior)}), {trial}: {error}") from error
 
 
 def run_study(
     make_task: Callable[[], Task],
-    methods: Sequence[str],
-    num_trials: int,
+    trials: Sequence[Trial],
     budget: Budget,
     folder: Path,
     *,
-    first_seed: int = 0,
-    num_jobs: int = -1,
-) -> Iterator[tuple[Trial, list[EpisodeRecord]]]:
-    """Run all trials; those that are complete in ``folder`` cost nothing.
+    num_jobs: int = 1,
+) -> Generator[Step]:
+    """Run all trials; what is complete in ``folder`` costs nothing.
+
+    The results do not depend on ``num_jobs``.
 
     Args:
-        make_task: makes the task.
-        methods: keys of :data:`~torch_activegp.experiments.METHODS`.
-        num_trials: trials of each method; trial ``i`` of every method has the seed ``first_seed + i``.
+        make_task: makes the task; can be pickled if ``num_jobs`` is not 1.
+        trials: what to run, in this order.
         budget: length and planner settings.
         folder: for the checkpoints.
-        first_seed: seed of the first trial.
-        num_jobs: processes; -1 for one a core.
+        num_jobs: processes.
 
     Yields:
-        Each trial with its records, as it finishes.
+        Each episode, as it finishes.
     """
-    folder.mkdir(parents=True, exist_ok=True)
-    trials = [Trial(method, first_seed + i) for i in range(num_trials) for method in methods]
-    with joblib.Parallel(n_jobs=num_jobs, return_as="generator_unordered") as parallel:
-        yield from parallel(joblib.delayed(_labelled)(make_task, trial, budget, folder) for trial in trials)
+    work = partial(run_trial, make_task, budget, folder)
+    with closing(run_jobs(work, trials, num_jobs)) as steps:
+        yield from (step for _, step in steps)
 
 
-def _labelled(
-    make_task: Callable[[], Task], trial: Trial, budget: Budget, folder: Path
-) -> tuple[Trial, list[EpisodeRecord]]:
-    return trial, run_trial(make_task, trial, budget, folder)
+def make_trials(methods: Sequence[str], num_trials: int, first_seed: int = 0) -> list[Trial]:
+    """Trials of several methods: trial ``i`` of each has the seed ``first_seed + i``; all first trials come first."""
+    return [Trial(method, first_seed + index) for index in range(num_trials) for method in methods]
 
 
-def records_table(results: Sequence[tuple[Trial, list[EpisodeRecord]]], methods: Sequence[str]) -> pd.DataFrame:
+def records_table(results: Mapping[Trial, Sequence[EpisodeRecord]], methods: Sequence[str]) -> pd.DataFrame:
     """One row for each episode, ordered by method and trial; the same for the same seeds (it holds no times).
 
     Args:
-        results: what :func:`run_study` yielded, in any order.
+        results: the records of each trial.
         methods: the order of the methods.
     """
     rows = [
-        (trial.method, trial.seed, record.index, record.num_points, *(record.metrics[name] for name in COLUMNS[4:]))
-        for trial, records in sorted(results, key=lambda item: (methods.index(item[0].method), item[0].seed))
+        (trial.method, trial.seed, record.index, record.num_points, *(record.metrics[name] for name in METRICS))
+        for trial, records in sorted(results.items(), key=lambda item: (methods.index(item[0].method), item[0].seed))
         for record in records
     ]
     return pd.DataFrame(rows, columns=list(COLUMNS))

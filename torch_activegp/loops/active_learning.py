@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import time
-from collections import deque
 from collections.abc import Callable, Iterator, Mapping
 from pathlib import Path
 from typing import Any, Literal
@@ -15,17 +14,16 @@ from torchrl.envs import EnvBase
 
 from torch_activegp import keys
 from torch_activegp.collectors import EpisodeCollector, LargestScoreStart
-from torch_activegp.collectors.episodes import Policy
 from torch_activegp.collectors.start import state_space_of
 from torch_activegp.errors import CheckpointError, ConfigurationError
 from torch_activegp.loops.checkpoint import check_plain, load_checkpoint, save_checkpoint
+from torch_activegp.loops.held_out import HeldOutEpisodes
 from torch_activegp.loops.measures import largest_variance, mean_discrepancy, probe_points
 from torch_activegp.loops.parts import StatefulParts
 from torch_activegp.loops.record import EpisodeRecord
 from torch_activegp.loops.system import action_space_of, time_step_of
 from torch_activegp.models import DynamicsGP, HeldOutGuard, LearnedSimulator
 
-_GUARD_EPISODES = 5
 _MISFIT = (LookupError, TypeError, ValueError, AttributeError, RuntimeError)
 
 
@@ -41,8 +39,8 @@ class ActiveLearning:
     the state of env, policy, GP, start, ``fit``, ``evaluate`` and of the models that the policy plans in, with all
     their generators (:class:`~torch_activegp.loops.parts.StatefulParts`); name anything else in ``stateful``.
 
-    Every transition is a held-out test of the model before it is learned from. These tests feed a
-    :class:`~torch_activegp.models.HeldOutGuard` over the last five episodes; :attr:`model` applies it.
+    Every episode is a held-out test of the model that it starts with (:class:`~torch_activegp.loops.HeldOutEpisodes`);
+    :attr:`model` is the simulator alone in the states in which these tests do not show that the correction pays.
 
     Args:
         env: the real system, whose ``"state"`` can be set.
@@ -79,7 +77,7 @@ class ActiveLearning:
     def __init__(  # noqa: PLR0913 - everything meets here, and all but three have defaults
         self,
         env: EnvBase,
-        policy: Policy,
+        policy: Callable[[TensorDictBase], TensorDictBase],
         gp: DynamicsGP,
         *,
         episode_length: int = 10,
@@ -106,10 +104,11 @@ class ActiveLearning:
         }
         check_plain(self.settings)
         own = {"gp": gp, "env": env, "policy": policy, "start": self.collector.start, "fit": fit, "evaluate": evaluate}
-        self._parts = StatefulParts({**own, **(stateful or {})})
+        further = {f"stateful.{name}": item for name, item in (stateful or {}).items()}
+        self._parts = StatefulParts({**own, **further})
         self.records: list[EpisodeRecord] = []
         self.episodes: list[TensorDictBase] = []
-        self._guards: deque[Tensor] = deque(maxlen=_GUARD_EPISODES)
+        self.held_out = HeldOutEpisodes(gp)
 
     def run(self, num_episodes: int) -> Iterator[EpisodeRecord]:
         """Run until ``num_episodes`` are complete, counting those of a resumed run; yields each new one's record.
@@ -152,20 +151,17 @@ class ActiveLearning:
 
     @property
     def guard(self) -> HeldOutGuard:
-        """How model and simulator did on the last five episodes' steps, each predicted before it was learned."""
-        guard = HeldOutGuard(self.state_space.dim, self.state_space.names)
-        for sums in self._guards:
-            guard.sums += sums
-        return guard
+        """How model and simulator did on the last ten episodes, each predicted by the model that it started with."""
+        return self.held_out.guard()
 
     @property
     def model(self) -> LearnedSimulator:
-        """What was learned, as a simulator; the guard shrinks corrections that held-out steps do not support.
+        """What was learned, as a simulator; without the corrections that held-out episodes do not support.
 
         It goes on to learn with the GP; its trust in the corrections is that of this moment.
         """
         dt = time_step_of(self.env, self.gp)
-        return LearnedSimulator(self.gp, action_space_of(self.env), dt=dt, trust=self.guard.report().trust)
+        return LearnedSimulator(self.gp, action_space_of(self.env), dt=dt, trust=self.held_out.trust())
 
     def _start(self, start: Callable[[], Tensor] | str | None) -> Callable[[], Tensor] | None:
         if not isinstance(start, str):
@@ -190,15 +186,9 @@ class ActiveLearning:
 
     def _run_episode(self) -> TensorDictBase:
         began = time.perf_counter()
-        guard = HeldOutGuard(self.state_space.dim)
-
-        def learn(transition: TensorDictBase) -> None:
-            step = self._transitions(transition.unsqueeze(0))
-            guard.observe_transitions(self.gp, *step)
-            self.gp.update(*step)
-
-        episode = self.collector.collect(learn)
-        self._guards.append(guard.sums)
+        self.held_out.begin()
+        episode = self.collector.collect(lambda step: self.gp.update(*self._transitions(step.unsqueeze(0))))
+        self.held_out.end(*self._transitions(episode))
         self.episodes.append(episode)
         max_variance = largest_variance(self.gp, probe_points(self.gp, action_space_of(self.env)))
         discrepancy = mean_discrepancy(self.gp, *self._transitions(episode))
@@ -212,7 +202,7 @@ class ActiveLearning:
             max_variance=max_variance,
             discrepancy=discrepancy,
             seconds=time.perf_counter() - began,
-            trust=tuple(self.guard.report().trust.tolist()),
+            trust=tuple(self.held_out.trust().tolist()),
             metrics={name: float(value) for name, value in metrics.items()},
         )
         self.records.append(record)
@@ -227,13 +217,14 @@ class ActiveLearning:
             "parts": self._parts.state(),
             "records": [record.as_dict() for record in self.records],
             "episodes": [(episode.to_dict(), len(episode)) for episode in self.episodes],
-            "guards": list(self._guards),
+            "held_out": list(self.held_out.sums),
         }
 
     def _restore(self, content: Mapping[str, Any]) -> None:
         """Put the loop back; the parts last, so that content of another kind changes nothing."""
         records = [EpisodeRecord.from_dict(values) for values in content["records"]]
         episodes = [TensorDict(values, batch_size=[length]) for values, length in content["episodes"]]
-        guards = deque(content["guards"], maxlen=_GUARD_EPISODES)
+        held_out = list(content["held_out"])
         self._parts.restore(content["parts"])
-        self.records, self.episodes, self._guards = records, episodes, guards
+        self.records, self.episodes = records, episodes
+        self.held_out.sums = held_out

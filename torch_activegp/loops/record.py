@@ -17,11 +17,12 @@ class EpisodeRecord:
         max_variance: largest posterior variance after the episode, in units of the squared output scale.
         discrepancy: mean over the visited points of |p0 - f|, Euclidean over the states, in their units.
         seconds: wall-clock time of the episode.
-        trust: for each state, the factor on the learned correction that held-out steps support (1: all of it).
+        trust: for each state, the factor on the learned correction in the loop's ``model``: 1, or 0 where held-out
+            episodes do not show that it pays.
         metrics: what the loop's ``evaluate`` returned.
 
     Example:
-        >>> print(EpisodeRecord(1, 10, 0.5, 0.25, 2.0, (1.0, 0.25), {"mse": 0.125}))
+        >>> print(EpisodeRecord(1, 10, 0.5, 0.25, 2.0, (1.0, 0.0), {"mse": 0.125}))
         episode 1: 10 points, max variance 0.5, discrepancy 0.25, mse 0.125, guard stepped in (2.0 s)
     """
 
@@ -35,7 +36,7 @@ class EpisodeRecord:
 
     @property
     def guard_stepped_in(self) -> bool:
-        """Whether the learned correction of some state is shrunk, because held-out steps speak against it."""
+        """Whether the correction of some state is left out, because held-out episodes do not show that it pays."""
         return any(factor < 1 for factor in self.trust)
 
     def as_dict(self) -> dict[str, Any]:
@@ -48,10 +49,8 @@ class EpisodeRecord:
         return cls(**{**values, "trust": tuple(values["trust"])})
 
     def __str__(self) -> str:
-        """One line."""
-        extra = "".join(f", {name} {value:.4g}" for name, value in self.metrics.items())
+        """One line; a metric called like one of the record's own figures stands in for it."""
+        figures = {"max_variance": self.max_variance, "discrepancy": self.discrepancy, **self.metrics}
+        shown = ", ".join(f"{name.replace('_', ' ')} {value:.3g}" for name, value in figures.items())
         guard = ", guard stepped in" if self.guard_stepped_in else ""
-        return (
-            f"episode {self.index}: {self.num_points} points, max variance {self.max_variance:.3g}, "
-            f"discrepancy {self.discrepancy:.3g}{extra}{guard} ({self.seconds:.1f} s)"
-        )
+        return f"episode {self.index}: {self.num_points} points, {shown}{guard} ({self.seconds:.1f} s)"

@@ -14,6 +14,7 @@ from torch_activegp.models.noise import (
     NoiseSchedule,
     TheoremNoise,
 )
+from torch_activegp.models.output_scale import fit_output_scale
 from torch_activegp.models.posterior_module import PosteriorModule
 
 __all__ = [
@@ -32,5 +33,6 @@ __all__ = [
     "PosteriorModule",
     "TheoremNoise",
     "fit_hyperparameters",
+    "fit_output_scale",
     "scaled_rbf",
 ]

@@ -6,6 +6,7 @@ from collections.abc import Sequence
 from typing import NamedTuple
 
 import torch
+from gpytorch import settings
 from gpytorch.kernels import Kernel
 from gpytorch.means import Mean
 from torch import Tensor
@@ -72,6 +73,7 @@ class CachedPosterior:
     ) -> None:
         self.holds_prior = holds_prior
         self.mean_module = mean_module
+        self.base_mean = mean_module.base_mean if isinstance(mean_module, EpisodicMean) else mean_module
         self.kernel = kernel
         self.noise = noise
         self.output_scale = output_scale
@@ -155,9 +157,7 @@ class CachedPosterior:
 
     def simulator_loc(self, z: Tensor) -> Tensor:
         """The first episode's mean p0 at ``z`` ``(n', D)``: ``(n', d)``."""
-        if isinstance(self.mean_module, EpisodicMean):
-            return self.mean_module.base(z)
-        return predict_mean(self.mean_module, z, self.num_outputs)
+        return predict_mean(self.base_mean, z, self.num_outputs)
 
     def features(self, z: Tensor, simulator_loc: Tensor | None = None, out: Tensor | None = None) -> Features:
         """Evaluate kernel and simulator once for several quantities.
@@ -198,6 +198,11 @@ class CachedPosterior:
     def scale(self, features: Features) -> Tensor:
         """The posterior standard deviation sigma, ``(n', d)``."""
         return self._unit_variance(features).sqrt().mT * self.output_scale
+
+    def prior_covariance(self, first: Tensor, second: Tensor) -> Tensor:
+        """The kernel for unit output scale: ``(..., n', D)`` and ``(..., n'', D)`` to ``(..., n', n'')``."""
+        with settings.lazily_evaluate_kernels(False):
+            return self.kernel(first, second).to_dense()
 
     def _unit_variance(self, features: Features) -> Tensor:
         diagonal = self._function_at(features.z).diagonal(features.z)

@@ -77,7 +77,7 @@ class DynamicsGP(TrainingData, gpytorch.models.ExactGP):
         _check_outputs(num_outputs, mean_module, covar_module, output_scale)
         noise = noise or (FixedNoise(1e-4) if likelihood is None else LearnedNoise())
         likelihood = likelihood or GaussianLikelihood(
-            batch_shape=torch.Size([num_outputs]), noise_constraint=gpytorch.constraints.GreaterThan(1e-14)
+            batch_shape=torch.Size([num_outputs]), noise_constraint=gpytorch.constraints.GreaterThan(1e-24)
         )
         super().__init__(None, None, likelihood)
         self.batch_shape = torch.Size([num_outputs])
@@ -108,6 +108,7 @@ class DynamicsGP(TrainingData, gpytorch.models.ExactGP):
     def forward(self, x: Tensor) -> MultivariateNormal:
         """The prior at ``x`` ``(d, n, D)``: a batch of ``d`` Gaussians over ``n`` points."""
         mean = self.mean_module(x)
+        mean = mean.expand(*torch.broadcast_shapes(mean.shape[:-1], self.batch_shape), mean.shape[-1])
         return MultivariateNormal(mean, self.covar_module(x) * self.output_scale.square()[:, None, None])
 
     def __call__(self, *args: Any, **kwargs: Any) -> MultivariateNormal:
@@ -246,7 +247,7 @@ class DynamicsGP(TrainingData, gpytorch.models.ExactGP):
             raise ConfigurationError(
                 f"The noise schedule asks for a variance of {variance:.3g}, below the likelihood's limit "
                 f"{self.likelihood.noise_covar.raw_noise_constraint.lower_bound.item():.3g}. Give the likelihood "
-                "noise_constraint=GreaterThan(1e-14), or leave likelihood=None."
+                "noise_constraint=GreaterThan(1e-24), or leave likelihood=None."
             )
         self.likelihood.noise = noise
 

@@ -36,6 +36,7 @@ _QUANTITIES: dict[str, Callable[[CachedPosterior, Features], Tensor]] = {
     keys.PRIOR_LOC: CachedPosterior.prior_loc,
     keys.SIMULATOR_LOC: lambda posterior, features: features.simulator_loc,
     keys.NOISE_SCALE: lambda posterior, features: posterior.noise_scale.expand_as(features.outer),
+    keys.SIGNAL_SCALE: lambda posterior, features: posterior.output_scale.expand_as(features.outer),
 }
 
 
@@ -80,5 +81,5 @@ class PosteriorModule(TensorDictModuleBase):
         posterior = self.gp.posterior
         features = posterior.features(z.reshape(-1, z.shape[-1]))
         for name, value in posterior_quantities(posterior, features, self.out_keys).items():
-            tensordict.set(name, value.reshape(*z.shape[:-1], -1))
+            tensordict.set(name, value.reshape(*z.shape[:-1], value.shape[-1]))
         return tensordict

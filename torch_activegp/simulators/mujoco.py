@@ -141,5 +141,6 @@ class MujocoSimulator(Simulator):
 
 
 def _rows(tensor: Tensor, event_dims: int) -> Array:
+    batch, event = tensor.shape[: tensor.dim() - event_dims], tensor.shape[tensor.dim() - event_dims :]
     flat = tensor.detach().to(device="cpu", dtype=torch.float64)
-    return flat.reshape(-1, *tensor.shape[tensor.dim() - event_dims :]).numpy()
+    return flat.reshape(batch.numel(), *event).numpy()  # -1 would be ambiguous where an event has no elements

@@ -88,6 +88,8 @@ class BatchRunner:
         Returns:
             ``(n, T, nq + nv + na)``; NaN in a row from the control on at which MuJoCo warned or could not finish.
         """
+        if controls.shape[1] == 0:
+            return np.empty((len(physics), 0, physics.shape[-1]))
         spec = _STATE.mjSTATE_CTRL.value | (_STATE.mjSTATE_QFRC_APPLIED.value if self.external_force else 0)
         with self._lock, warnings_to(_logger.debug):
             batch, ids = self._load(physics)

@@ -167,8 +167,9 @@ def _counts_turns(model: mujoco.MjModel, joint: int) -> bool:
 
 
 def _feels_position(model: mujoco.MjModel, actuator: int, joint: int) -> bool:
-    on_joint = (mujoco.mjtTrn.mjTRN_JOINT, mujoco.mjtTrn.mjTRN_JOINTINPARENT)
-    if model.actuator_trntype[actuator] not in on_joint or model.actuator_trnid[actuator, 0] != joint:
+    transmission = model.actuator_trntype[actuator]
+    on_joint = transmission == mujoco.mjtTrn.mjTRN_JOINT or transmission == mujoco.mjtTrn.mjTRN_JOINTINPARENT
+    if not on_joint or model.actuator_trnid[actuator, 0] != joint:
         return False
     # A constant gain and an affine bias without a term in the length are the only laws known to be blind to position.
     gain, bias = model.actuator_gaintype[actuator], model.actuator_biastype[actuator]

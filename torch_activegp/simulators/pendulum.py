@@ -100,14 +100,14 @@ class Pendulum(Simulator):
         else:
             theta, theta_dot = self.integrator(self._derivative, state, torque, self.dt).unbind(-1)
             theta_dot = theta_dot.clamp(-MAX_SPEED, MAX_SPEED)
-        return self.state_space.wrap(torch.stack((theta, theta_dot), dim=-1)).to(state.dtype)
+        return torch.stack((wrap_angle(theta), theta_dot), dim=-1).to(state.dtype)
 
     def _third_of_acceleration(self, theta: Tensor, theta_dot: Tensor, torque: Tensor) -> Tensor:
         # The step is the inner loop of planners: this form has the fewest tensor operations.
         if self.extra_torque is not None:
             torque = torque + self.extra_torque(theta, theta_dot)
-        gravity = torch.sin(theta) * (self.g * self._weight)
-        return torch.addcdiv(gravity, torque, self.m * self.l) / self.l
+        length = self.l
+        return torch.addcmul(torque / (self.m * length), torch.sin(theta), self.g, value=self._weight) / length
 
     def _derivative(self, state: Tensor, torque: Tensor) -> Tensor:
         theta, theta_dot = state.unbind(-1)

@@ -1,0 +1,77 @@
+"""Each episode as a held-out test of the model that it starts with."""
+
+from __future__ import annotations
+
+from copy import copy
+
+import torch
+from torch import Tensor
+
+from torch_activegp.collectors.start import state_space_of
+from torch_activegp.models import DynamicsGP, HeldOutGuard
+
+
+class HeldOutEpisodes:
+    """How model and simulator did on the last episodes, each predicted by the model of its first moment.
+
+    Within an episode the model has just learned from the neighbouring state, so steps that are predicted as they come
+    make it look better than it is on a trajectory that it has not seen.
+
+    Args:
+        gp: the model.
+        num_episodes: how many of the last episodes count.
+
+    Attributes:
+        sums: of each counted episode, the sums that :class:`~torch_activegp.models.HeldOutGuard` keeps, ``(4, d)``.
+
+    Example:
+        >>> import gpytorch
+        >>> from torch_activegp.means import SimulatorMean
+        >>> from torch_activegp.simulators import Pendulum
+        >>> held_out = HeldOutEpisodes(DynamicsGP(SimulatorMean(Pendulum()), gpytorch.kernels.RBFKernel()))
+        >>> held_out.trust()
+        tensor([1., 1.], dtype=torch.float64)
+    """
+
+    def __init__(self, gp: DynamicsGP, num_episodes: int = 10) -> None:
+        self.gp = gp
+        self.num_episodes = num_episodes
+        self.sums: list[Tensor] = []
+
+    def begin(self) -> None:
+        """Keep the model of this moment."""
+        self._posterior = copy(self.gp.posterior)  # an append rebinds what the mean is made of
+
+    @torch.no_grad()
+    def end(self, state: Tensor, action: Tensor, next_state: Tensor) -> None:
+        """Test it on an episode: ``(T, d)``, ``(T, m)``, ``(T, d)``."""
+        space = state_space_of(self.gp)
+        features = self._posterior.features(torch.cat([state, action], dim=-1).to(self.gp.output_scale))
+        base = features.simulator_loc
+        guard = HeldOutGuard(space.dim)
+        guard.observe(base, self._posterior.loc(features), space.unwrap(next_state.to(base), base))
+        self.sums = [*self.sums, guard.sums][-self.num_episodes :]
+
+    def guard(self) -> HeldOutGuard:
+        """The guard that has observed all counted episodes."""
+        space = state_space_of(self.gp)
+        guard = HeldOutGuard(space.dim, space.names)
+        for part in self.sums:
+            guard.sums += part
+        return guard
+
+    def trust(self) -> Tensor:
+        """The factor on the learned correction, ``(d,)``: 1 where these episodes show that it pays, else 0.
+
+        It pays where its mean gain over the simulator, in squared error per episode, exceeds the standard error of
+        that mean: then a few lucky episodes do not carry it. Only episodes that began with something learned are
+        tests; 1 before the first of them.
+        """
+        tested = [part for part in self.sums if bool(part[2].any())]
+        if not tested:
+            return torch.ones(state_space_of(self.gp).dim, dtype=torch.float64)
+        _, product, correction, _ = torch.stack(tested).unbind(1)
+        gain = 2 * product - correction
+        spread = gain.std(0, correction=min(1, len(tested) - 1)) / len(tested) ** 0.5
+        untouched = correction.sum(0) == 0
+        return ((gain.mean(0) > spread) | untouched).double()
