@@ -9,6 +9,8 @@ which is slower, and the triangular one, which is what the package computes, are
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 import torch
 from harness import arguments, race, table, write
 from task import CANDIDATES, ELITES, HORIZON, ITERATIONS, environments, icem, pendulum_gp, start, uniform_transitions
@@ -22,7 +24,6 @@ from torch_activegp.planners.rewards import rollout_rewards
 
 BARS = {"products": 1.6, "CEMPlanner": 8.0, "gpytorch": 10.0}
 PRODUCTS = ("aten::mm", "aten::addmm", "aten::bmm")
-Products = dict[str, "RunProducts"]
 
 
 class RunProducts:
@@ -74,8 +75,8 @@ def differences(environments: dict[str, GPEnv], td: TensorDict, generator: torch
     return {name: float((values - returns).abs().max()) for name, values in others.items()}
 
 
-def product_share(run: object, repeats: int) -> dict[str, float]:
-    """Shares of a plan's time by torch's profiler: matrix products, exp, other tensor operations (Python is in them)."""
+def product_share(run: Callable[[], object], repeats: int) -> dict[str, float]:
+    """Shares of the time in tensor operations by torch's profiler; Python between them is not in it."""
     with profile(activities=[ProfilerActivity.CPU]) as record:
         for _ in range(repeats):
             run()
@@ -144,7 +145,7 @@ def tables(results: list[dict]) -> dict[str, str]:
         + [result["seconds"]["products, triangular"] / result["seconds"]["ours"] for result in results]
     ]
     share_rows = [
-        [f"profiler: {name}", *(result["shares"][name] for result in results)] for name in results[0]["shares"]
+        [f"profiler, of all tensor operations: {name}", *(result["shares"][name] for result in results)] for name in results[0]["shares"]
     ]
     header = [f"n = {result['n']}" for result in results]
     return {

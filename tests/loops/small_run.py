@@ -83,7 +83,7 @@ def outcome(loop: ActiveLearning) -> dict[str, Any]:
         "episodes": episodes,
         "data": [loop.gp.inputs.tolist(), loop.gp.targets.tolist()],
         "predicted": [value.tolist() for value in predicted],
-        "guard": loop.guard.sums.tolist(),
+        "guard": [sums.tolist() for sums in loop.guard.sums],
     }
 
 

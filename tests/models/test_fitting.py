@@ -40,14 +40,17 @@ def pendulum_gp(noise: NoiseSchedule | None = None, kernel: Kernel | None = None
     return DynamicsGP(mean, kernel or scaled_rbf(LOW, -LOW), noise=noise or LearnedNoise(), **options)
 
 
-def log_posterior(gp: DynamicsGP) -> float:
+def log_posterior(gp: DynamicsGP, all_parts_are_batched: bool) -> float:
     """gpytorch's log marginal likelihood of all outputs, plus the log density of each prior once."""
-    mll = gpytorch.mlls.ExactMarginalLogLikelihood(gp.likelihood, gp)
     gp.train()
-    per_output = mll(gp(*gp.train_inputs), gp.train_targets) * gp.num_points
+    output = gp(*gp.train_inputs)
+    value = gp.likelihood(output).log_prob(gp.train_targets).sum()
+    value = value + sum(p.log_prob(closure(owner)).sum() for _, owner, p, closure, _ in gp.named_priors())
+    if all_parts_are_batched:  # otherwise gpytorch counts a shared prior once for each output
+        mll = gpytorch.mlls.ExactMarginalLogLikelihood(gp.likelihood, gp)
+        torch.testing.assert_close(mll(output, gp.train_targets).sum() * gp.num_points, value)
     gp.eval()
-    prior = sum(p.log_prob(closure(owner)).sum() for _, owner, p, closure, _ in gp.named_priors())
-    return float((per_output.sum() - (gp.num_outputs - 1) * prior).detach())
+    return value.item()
 
 
 def with_priors(batch_shape: tuple[int, ...]) -> Kernel:
@@ -75,7 +78,8 @@ def test_the_objective_is_gpytorchs(
         gp.update(*transitions(12))
         gp.mean_module.expansions = nn.ModuleList()
     result = fit_hyperparameters(gp, max_iterations=6)
-    expected = -(log_posterior(gp) + gp.num_points * result.output_scale.log().sum().item()) / (2 * gp.num_points)
+    jacobian = gp.num_points * result.output_scale.log().sum().item()
+    expected = -(log_posterior(gp, batch_shape == (2,)) + jacobian) / (2 * gp.num_points)
     assert result.loss == pytest.approx(expected, rel=1e-8)
     assert torch.equal(result.output_scale, gp.output_scale)
 
@@ -109,12 +113,11 @@ def test_known_lengthscales_noise_and_scales_are_recovered(generator: torch.Gene
     assert result.converged
     lengthscale = gp.covar_module.base_kernel.lengthscale.detach()[0]
     torch.testing.assert_close(lengthscale, torch.tensor(truth, dtype=DOUBLE), rtol=0.3, atol=0)
-    assert result.noise == pytest.approx(noise / (1 + noise), rel=0.3) or result.noise == pytest.approx(noise, rel=0.3)
-    standard = result.output_scale * gp.covar_module.outputscale.detach().sqrt()
-    torch.testing.assert_close(standard, torch.tensor(scale, dtype=DOUBLE), rtol=0.35, atol=0)
-    torch.testing.assert_close(
-        gp.posterior.noise_scale, math.sqrt(result.noise) * result.output_scale, rtol=1e-9, atol=0
-    )
+    noise_scale = math.sqrt(result.noise) * result.output_scale
+    torch.testing.assert_close(gp.posterior.noise_scale, noise_scale, rtol=1e-9, atol=0)
+    ratio = noise_scale / (math.sqrt(noise) * torch.tensor(scale, dtype=DOUBLE))
+    assert ratio.log().mean().exp().item() == pytest.approx(1.0, rel=0.15)
+    assert bool(((ratio > 0.7) & (ratio < 1.4)).all())  # the outputs share one ratio of noise to size of the residual
 
 
 def test_a_fit_makes_predictions_better(transitions: Draw) -> None:
@@ -147,7 +150,7 @@ def test_a_parameter_of_the_simulator_is_learned(generator: torch.Generator) -> 
     gp.update(state, action, truth(state, action) + noise)
     result = fit_hyperparameters(gp)
     assert simulator.m.item() == pytest.approx(1.0, rel=2e-2)
-    assert result.loss < -3
+    assert result.loss < -1.5
     assert simulator.m.grad is None
 
 

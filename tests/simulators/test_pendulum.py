@@ -13,7 +13,8 @@ from torch import nn
 
 from torch_activegp.errors import ConfigurationError
 from torch_activegp.simulators.integrators import rk4
-from torch_activegp.simulators.pendulum import LocalBrake, Magnet, Pendulum
+from torch_activegp.simulators.local_torques import LocalBrake, Magnet
+from torch_activegp.simulators.pendulum import Pendulum
 
 DOUBLE = torch.float64
 
@@ -134,41 +135,6 @@ def test_many_parameter_values_run_side_by_side() -> None:
     torch.testing.assert_close(together, alone)
 
 
-@pytest.mark.parametrize("extra", [LocalBrake, Magnet])
-def test_an_extra_torque_adds_to_the_motor(extra) -> None:
-    pendulum, plain = Pendulum(extra_torque=extra()), Pendulum()
-    theta, speed = torch.tensor([1.3, -2.0], dtype=DOUBLE), torch.tensor([1.0, 1.0], dtype=DOUBLE)
-    change = pendulum.acceleration(theta, speed, torch.zeros(2)) - plain.acceleration(theta, speed, torch.zeros(2))
-    torch.testing.assert_close(change, 3.0 * extra()(theta, speed))
-    assert change[0].abs() > 0.5
-    assert change[1].abs() < 1e-6  # far away the prior is right
-
-
-def test_the_brake_takes_energy_near_its_center_across_the_cut_of_the_circle() -> None:
-    brake = LocalBrake(center=math.pi, width=0.2, damping=0.7)
-    theta = torch.tensor([math.pi, math.pi - 0.2, -math.pi + 0.2], dtype=DOUBLE)
-    speed = torch.tensor([2.0, -1.0, 1.0], dtype=DOUBLE)
-    expected = [-1.4, 0.7 * math.exp(-0.5), -0.7 * math.exp(-0.5)]
-    assert brake(theta, speed).tolist() == pytest.approx(expected)
-
-
-def test_the_magnet_pulls_strongest_one_width_away() -> None:
-    magnet = Magnet(center=3.0, width=0.3, strength=0.8)
-    theta = torch.tensor([3.0, 2.7, 3.3 - 2 * math.pi], dtype=DOUBLE)
-    assert magnet(theta, theta).tolist() == pytest.approx([0.0, 0.8, -0.8])
-    scan = magnet(torch.linspace(-math.pi, math.pi, 10_001, dtype=DOUBLE), theta[:1])
-    assert scan.abs().max().item() == pytest.approx(0.8, abs=1e-5)
-
-
-@pytest.mark.parametrize("extra", [LocalBrake, Magnet])
-def test_extra_torques_can_be_fitted(extra) -> None:
-    pendulum = Pendulum(extra_torque=extra(trainable=True))
-    pendulum(torch.tensor([1.3, 1.0], dtype=DOUBLE), torch.zeros(1, dtype=DOUBLE)).sum().backward()
-    gradients = [parameter.grad.item() for parameter in pendulum.parameters()]
-    assert len(gradients) == 3
-    assert all(gradient != 0.0 for gradient in gradients)
-
-
 @pytest.mark.parametrize("copied", [copy.deepcopy, lambda pendulum: pickle.loads(pickle.dumps(pendulum))])
 def test_copies_and_state_dicts_behave_alike(copied) -> None:
     pendulum = Pendulum(g=9.0, m=0.5, l=2.0, extra_torque=Magnet(strength=0.3))
@@ -186,8 +152,6 @@ def test_copies_and_state_dicts_behave_alike(copied) -> None:
         (lambda: Pendulum(m=0.0), "`m` > 0, found 0.0"),
         (lambda: Pendulum(l=-1.0), "`l` > 0"),
         (lambda: Pendulum(dt=0.0), "dt"),
-        (lambda: LocalBrake(width=0.0), "`width` > 0 rad"),
-        (lambda: Magnet(width=-1.0), "`width` > 0 rad"),
     ],
 )
 def test_errors_say_what_is_wrong(build, message: str) -> None:

@@ -16,8 +16,8 @@ class DirectedSpread(AcquisitionFunction):
     counts most; where nothing is known, sigma decides alone. All quantities are relative to the signal's scale, so that
     states of different units count alike. There is no constant to tune.
 
-    In the paper's sum the two terms compete instead: sigma is usually the larger, and decides. How much this one gains,
-    together with :class:`~torch_activegp.collectors.LargestErrorReductionStart`, is measured in ``docs/exploration.md``.
+    In the paper's sum the two terms compete instead: sigma is usually the larger, and decides. What this one gains,
+    together with :class:`~torch_activegp.collectors.LargestErrorReductionStart`, is in ``docs/exploration.md``.
 
     Args:
         in_keys: posterior standard deviation, posterior mean, simulator's prediction, signal scale; each ``(..., d)``.
@@ -26,7 +26,10 @@ class DirectedSpread(AcquisitionFunction):
     Example:
         >>> import torch
         >>> half, one, zero = torch.full((2,), 0.5), torch.ones(2), torch.zeros(2)
-        >>> DirectedSpread().evaluate(half, zero, zero, one).item(), DirectedSpread().evaluate(half, one, zero, one).item()
+        >>> (
+        ...     DirectedSpread().evaluate(half, zero, zero, one).item(),
+        ...     DirectedSpread().evaluate(half, one, zero, one).item(),
+        ... )
         (0.25, 0.75)
     """
 

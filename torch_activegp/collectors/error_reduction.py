@@ -10,7 +10,7 @@ from torch_activegp.collectors.start import bounded_box, state_space_of
 from torch_activegp.errors import ConfigurationError
 from torch_activegp.models import DynamicsGP
 from torch_activegp.models.cached_posterior import CachedPosterior, Features
-from torch_activegp.simulators import ActionSpace
+from torch_activegp.simulators import ActionSpace, StateSpace
 
 _JITTER = 1e-8
 """Added to the relative noise, because two points of an episode may coincide."""
@@ -45,6 +45,7 @@ class LargestErrorReductionStart(nn.Module):
     """
 
     gp: DynamicsGP
+    state_space: StateSpace
     low: Tensor
     high: Tensor
 
@@ -114,7 +115,8 @@ class LargestErrorReductionStart(nn.Module):
         z = torch.stack([step.z for step in visited], dim=1).flatten(0, 1)
         cross = torch.stack([step.cross for step in visited], dim=2).flatten(1, 2)
         base, outer = (
-            torch.stack([getattr(step, name) for step in visited], 1).flatten(0, 1) for name in ("simulator_loc", "outer")
+            torch.stack([getattr(step, name) for step in visited], 1).flatten(0, 1)
+            for name in ("simulator_loc", "outer")
         )
         return Features(z, cross, base, outer)
 
@@ -129,3 +131,11 @@ class LargestErrorReductionStart(nn.Module):
         factor = torch.linalg.cholesky(within + noise * torch.eye(self.episode_length).to(within))
         removed = torch.linalg.solve_triangular(factor, across.reshape(shape), upper=False).square().sum(1)
         return removed @ weight / self.num_references
+
+    def get_extra_state(self) -> Tensor:
+        """The generator's state, so that a resumed run draws the same starts."""
+        return self.generator.get_state()
+
+    def set_extra_state(self, state: Tensor) -> None:
+        """Restore the generator."""
+        self.generator.set_state(state.cpu())

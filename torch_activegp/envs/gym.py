@@ -116,6 +116,14 @@ class MujocoGymEnv(GymEnv):
         self._mujoco.data.qacc_warmstart[:] = 0.0
         return out.set(keys.STATE, self._read_state())
 
+    def get_extra_state(self) -> dict[str, Any]:
+        """The state of Gymnasium's generator, so that a resumed run draws the same resets."""
+        return dict(self._mujoco.np_random.bit_generator.state)
+
+    def set_extra_state(self, state: dict[str, Any]) -> None:
+        """Restore the generator."""
+        self._mujoco.np_random.bit_generator.state = state
+
     @contextmanager
     def _starting_at(self, state: Tensor) -> Iterator[None]:
         """Let Gymnasium's own reset, with all its wrappers, end in a given state."""

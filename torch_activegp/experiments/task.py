@@ -8,7 +8,7 @@ from typing import Literal
 
 import gpytorch
 import torch
-from torch import Tensor
+from torch import Tensor, nn
 from torch.quasirandom import SobolEngine
 
 from torch_activegp.errors import ConfigurationError
@@ -23,7 +23,7 @@ from torch_activegp.models import (
     fit_output_scale,
     scaled_rbf,
 )
-from torch_activegp.simulators import LocalBrake, Pendulum, Simulator
+from torch_activegp.simulators import JointStop, LocalBrake, Magnet, Pendulum, Simulator
 
 _FIRST_NOISE = 1e-4
 """Noise variance in the first episode of a GP whose noise is fitted."""
@@ -216,15 +216,30 @@ def _wrong_everywhere(name: str, equation: Literal["paper", "gymnasium"]) -> Tas
 
 
 def pendulum_brake() -> Task:
-    """A pendulum whose prior is right but for a brake near theta = 1.2 rad, about a tenth of the volume."""
-    truth = Pendulum(extra_torque=LocalBrake(center=1.2, width=0.25, damping=2.0 / 3.0))
-    description = f"{_EQUATIONS['paper']}; a brake near theta = 1.2 rad that the imperfect simulator lacks."
-    return Task("pendulum-brake", truth, Pendulum(), LOCAL, description, "rad, rad/s")
+    """A pendulum whose simulator is right but for a brake near theta = 1.2 rad, about a tenth of the volume."""
+    return _wrong_in_places("pendulum-brake", LocalBrake(1.2, 0.25, 2.0 / 3.0), "a brake near theta = 1.2 rad")
+
+
+def pendulum_magnet() -> Task:
+    """A pendulum whose simulator is right but for a magnet at theta = -2 rad, about a sixth of the volume."""
+    return _wrong_in_places("pendulum-magnet", Magnet(-2.0, 0.3, 2.8), "a magnet at theta = -2 rad")
+
+
+def pendulum_stop() -> Task:
+    """A pendulum whose simulator is right but for a soft stop past theta = 2.4 rad, about a tenth of the volume."""
+    return _wrong_in_places("pendulum-stop", JointStop(2.4, 8.3, 1.0), "a soft stop past theta = 2.4 rad")
+
+
+def _wrong_in_places(name: str, torque: nn.Module, lack: str) -> Task:
+    description = f"{_EQUATIONS['paper']}; {lack} that the imperfect simulator lacks."
+    return Task(name, Pendulum(extra_torque=torque), Pendulum(), LOCAL, description, "rad, rad/s")
 
 
 TASKS: dict[str, Callable[[], Task]] = {
     "pendulum": pendulum,
     "pendulum-brake": pendulum_brake,
+    "pendulum-magnet": pendulum_magnet,
+    "pendulum-stop": pendulum_stop,
     "pendulum-gymnasium": pendulum_gymnasium,
 }
 """The tasks that the command line knows by name."""

@@ -15,6 +15,9 @@ import torch
 
 from torch_activegp.errors import ActiveGPError
 
+_START = "spawn"
+"""How processes start; a forked torch may hang."""
+
 Work = Callable[[Any], Iterator[Any]]
 """From a job to what it has to tell; both can be pickled."""
 
@@ -63,7 +66,7 @@ def run_jobs(work: Work, jobs: Sequence[Any], num_processes: int) -> Generator[t
 
 
 def _start(work: Work) -> tuple[BaseProcess, Connection]:
-    context = multiprocessing.get_context("spawn")
+    context: Any = multiprocessing.get_context(_START)
     ours, theirs = context.Pipe()
     process = context.Process(target=_worker, args=(work, theirs), daemon=True)
     with _interrupts_ignored():  # a child inherits this, so Ctrl-C reaches only the parent, which ends the children
@@ -91,7 +94,8 @@ def _serve(pool: Sequence[tuple[BaseProcess, Connection]], jobs: list[Any]) -> I
         busy[connection] = jobs.pop(0)
         connection.send(busy[connection])
     while busy:
-        for connection in wait(list(busy)):
+        ready: list[Any] = wait(list(busy))
+        for connection in ready:
             try:
                 kind, message = connection.recv()
             except (EOFError, ConnectionError) as error:

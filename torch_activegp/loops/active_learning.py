@@ -22,7 +22,7 @@ from torch_activegp.loops.measures import largest_variance, mean_discrepancy, pr
 from torch_activegp.loops.parts import StatefulParts
 from torch_activegp.loops.record import EpisodeRecord
 from torch_activegp.loops.system import action_space_of, time_step_of
-from torch_activegp.models import DynamicsGP, HeldOutGuard, LearnedSimulator
+from torch_activegp.models import DynamicsGP, LearnedSimulator
 
 _MISFIT = (LookupError, TypeError, ValueError, AttributeError, RuntimeError)
 
@@ -39,8 +39,9 @@ class ActiveLearning:
     the state of env, policy, GP, start, ``fit``, ``evaluate`` and of the models that the policy plans in, with all
     their generators (:class:`~torch_activegp.loops.parts.StatefulParts`); name anything else in ``stateful``.
 
-    Every episode is a held-out test of the model that it starts with (:class:`~torch_activegp.loops.HeldOutEpisodes`);
-    :attr:`model` is the simulator alone in the states in which these tests do not show that the correction pays.
+    Every episode is a held-out test of the model that it starts with. The ``guard``, a
+    :class:`~torch_activegp.loops.HeldOutEpisodes`, keeps the score; :attr:`model` leaves the correction of a state out
+    where these tests do not show that it pays.
 
     Args:
         env: the real system, whose ``"state"`` can be set.
@@ -108,7 +109,7 @@ class ActiveLearning:
         self._parts = StatefulParts({**own, **further})
         self.records: list[EpisodeRecord] = []
         self.episodes: list[TensorDictBase] = []
-        self.held_out = HeldOutEpisodes(gp)
+        self.guard = HeldOutEpisodes(gp)
 
     def run(self, num_episodes: int) -> Iterator[EpisodeRecord]:
         """Run until ``num_episodes`` are complete, counting those of a resumed run; yields each new one's record.
@@ -150,18 +151,13 @@ class ActiveLearning:
         return len(self.records)
 
     @property
-    def guard(self) -> HeldOutGuard:
-        """How model and simulator did on the last ten episodes, each predicted by the model that it started with."""
-        return self.held_out.guard()
-
-    @property
     def model(self) -> LearnedSimulator:
         """What was learned, as a simulator; without the corrections that held-out episodes do not support.
 
         It goes on to learn with the GP; its trust in the corrections is that of this moment.
         """
         dt = time_step_of(self.env, self.gp)
-        return LearnedSimulator(self.gp, action_space_of(self.env), dt=dt, trust=self.held_out.trust())
+        return LearnedSimulator(self.gp, action_space_of(self.env), dt=dt, trust=self.guard.trust())
 
     def _start(self, start: Callable[[], Tensor] | str | None) -> Callable[[], Tensor] | None:
         if not isinstance(start, str):
@@ -186,9 +182,9 @@ class ActiveLearning:
 
     def _run_episode(self) -> TensorDictBase:
         began = time.perf_counter()
-        self.held_out.begin()
+        self.guard.begin()
         episode = self.collector.collect(lambda step: self.gp.update(*self._transitions(step.unsqueeze(0))))
-        self.held_out.end(*self._transitions(episode))
+        self.guard.end(*self._transitions(episode))
         self.episodes.append(episode)
         max_variance = largest_variance(self.gp, probe_points(self.gp, action_space_of(self.env)))
         discrepancy = mean_discrepancy(self.gp, *self._transitions(episode))
@@ -202,7 +198,7 @@ class ActiveLearning:
             max_variance=max_variance,
             discrepancy=discrepancy,
             seconds=time.perf_counter() - began,
-            trust=tuple(self.held_out.trust().tolist()),
+            trust=tuple(self.guard.trust().tolist()),
             metrics={name: float(value) for name, value in metrics.items()},
         )
         self.records.append(record)
@@ -217,14 +213,14 @@ class ActiveLearning:
             "parts": self._parts.state(),
             "records": [record.as_dict() for record in self.records],
             "episodes": [(episode.to_dict(), len(episode)) for episode in self.episodes],
-            "held_out": list(self.held_out.sums),
+            "guard": list(self.guard.sums),
         }
 
     def _restore(self, content: Mapping[str, Any]) -> None:
         """Put the loop back; the parts last, so that content of another kind changes nothing."""
         records = [EpisodeRecord.from_dict(values) for values in content["records"]]
         episodes = [TensorDict(values, batch_size=[length]) for values, length in content["episodes"]]
-        held_out = list(content["held_out"])
+        tests = list(content["guard"])
         self._parts.restore(content["parts"])
         self.records, self.episodes = records, episodes
-        self.held_out.sums = held_out
+        self.guard.sums = tests

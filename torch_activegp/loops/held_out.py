@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 from copy import copy
+from dataclasses import replace
 
 import torch
 from torch import Tensor
 
 from torch_activegp.collectors.start import state_space_of
-from torch_activegp.models import DynamicsGP, HeldOutGuard
+from torch_activegp.models import DynamicsGP, GuardReport, HeldOutGuard
 
 
 class HeldOutEpisodes:
@@ -39,12 +40,12 @@ class HeldOutEpisodes:
         self.sums: list[Tensor] = []
 
     def begin(self) -> None:
-        """Keep the model of this moment."""
+        """Keep the model of this moment for the test."""
         self._posterior = copy(self.gp.posterior)  # an append rebinds what the mean is made of
 
     @torch.no_grad()
     def end(self, state: Tensor, action: Tensor, next_state: Tensor) -> None:
-        """Test it on an episode: ``(T, d)``, ``(T, m)``, ``(T, d)``."""
+        """Test the kept model on an episode: states ``(T, d)``, actions ``(T, m)``, next states ``(T, d)``."""
         space = state_space_of(self.gp)
         features = self._posterior.features(torch.cat([state, action], dim=-1).to(self.gp.output_scale))
         base = features.simulator_loc
@@ -52,13 +53,15 @@ class HeldOutEpisodes:
         guard.observe(base, self._posterior.loc(features), space.unwrap(next_state.to(base), base))
         self.sums = [*self.sums, guard.sums][-self.num_episodes :]
 
-    def guard(self) -> HeldOutGuard:
-        """The guard that has observed all counted episodes."""
+    def report(self) -> GuardReport:
+        """Errors over all counted episodes, and how much of the correction to trust (:meth:`trust`)."""
         space = state_space_of(self.gp)
         guard = HeldOutGuard(space.dim, space.names)
         for part in self.sums:
             guard.sums += part
-        return guard
+        report, trust = guard.report(), self.trust()
+        kept = torch.where(trust > 0, report.model_rmse, report.simulator_rmse)
+        return replace(report, guarded_rmse=kept, trust=trust)
 
     def trust(self) -> Tensor:
         """The factor on the learned correction, ``(d,)``: 1 where these episodes show that it pays, else 0.

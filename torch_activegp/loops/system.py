@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from torchrl.data import Bounded
 from torchrl.envs import EnvBase
 
 from torch_activegp.errors import ConfigurationError
@@ -19,11 +20,11 @@ def action_space_of(env: EnvBase) -> ActionSpace:
     simulator = getattr(env, "simulator", None)
     if isinstance(simulator, Simulator):
         return simulator.action_space
-    space = env.action_spec.space
-    if getattr(space, "low", None) is None:
-        raise ConfigurationError(f"Wanted bounded actions of {type(env).__name__}, found {env.action_spec}.")
-    names = [f"action {j}" for j in range(env.action_spec.shape[-1])]
-    return ActionSpace(names, space.low.double(), space.high.double())
+    spec = env.action_spec
+    if not isinstance(spec, Bounded):
+        raise ConfigurationError(f"Wanted bounded actions of {type(env).__name__}, found {type(spec).__name__}.")
+    names = [f"action {j}" for j in range(spec.shape[-1])]
+    return ActionSpace(names, spec.space.low.double(), spec.space.high.double())
 
 
 def time_step_of(env: EnvBase, gp: DynamicsGP) -> float:

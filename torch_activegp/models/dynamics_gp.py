@@ -245,7 +245,7 @@ class DynamicsGP(TrainingData, gpytorch.models.ExactGP):
             noise = noise.mean().reshape(self.likelihood.noise.shape)
         if not self.likelihood.noise_covar.raw_noise_constraint.check(noise):
             raise ConfigurationError(
-                f"The noise schedule asks for a variance of {variance:.3g}, below the likelihood's limit "
+                f"The noise schedule asks for a variance of {noise.min().item():.3g}, below the likelihood's limit "
                 f"{self.likelihood.noise_covar.raw_noise_constraint.lower_bound.item():.3g}. Give the likelihood "
                 "noise_constraint=GreaterThan(1e-24), or leave likelihood=None."
             )

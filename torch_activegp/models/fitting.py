@@ -138,7 +138,8 @@ class _Objective:
         self.parameters = list(trained)
         if self.fixed_noise is None:
             limit = gp.likelihood.noise_covar.raw_noise_constraint.lower_bound.item() * (1 + 1e-6)
-            self.smallest_noise = max(_SMALLEST_NOISE, limit / gp.output_scale.square().min().item())
+            allowed = limit / gp.output_scale.square().min().item()
+            self.smallest_noise = min(max(_SMALLEST_NOISE, allowed), _LARGEST_NOISE)
             self.log_noise = self._better_start(present_noise)
             self.parameters.append(self.log_noise)
 

@@ -31,21 +31,23 @@ class GuardReport:
 
     @property
     def stepped_in(self) -> bool:
-        """Whether the model was worse than the simulator in some state, so that its correction is shrunk there."""
-        return bool((self.model_rmse > self.simulator_rmse).any())
+        """Whether the correction of some state is not kept whole."""
+        return bool((self.trust < 1).any())
 
     def __str__(self) -> str:
         """One sentence, naming the states where the guard stepped in."""
-        worse = (self.model_rmse > self.simulator_rmse).nonzero().flatten().tolist()
-        if not worse:
+        shrunk = (self.trust < 1).nonzero().flatten().tolist()
+        if not shrunk:
             return "On held-out data the learned model is better than the simulator alone in every state."
         parts = [
             f"{self.names[j]} ({self.model_rmse[j]:.3g} against {self.simulator_rmse[j]:.3g}; "
             f"{100 * self.trust[j]:.0f} % of the correction kept)"
-            for j in worse
+            for j in shrunk
         ]
+        worse = all(self.model_rmse[j] > self.simulator_rmse[j] for j in shrunk)
+        verdict = "worse" if worse else "not reliably better"
         return (
-            f"The guard stepped in: on held-out data the learned model is worse than the simulator alone in "
+            f"The guard stepped in: on held-out data the learned model is {verdict} than the simulator alone in "
             f"{', '.join(parts)}. Fit the hyper-parameters, or give the kernel shorter length-scales."
         )
 

@@ -12,8 +12,8 @@ def fit_output_scale(gp: DynamicsGP, smallest: float = 1e-6) -> None:
     """Set each output's scale to its maximum-likelihood value for the present kernel and relative noise.
 
     For output j with residuals r_j about the simulator, s_j^2 = r_j' (K + noise I)^-1 r_j / n. Predictions of the mean
-    do not change (the relative noise is kept, if the likelihood has one for each output), only the scale of the uncertainty does. Where all length-scales are
-    known, it is the whole fit.
+    do not change (the relative noise is kept, if the likelihood has one for each output), only the scale of the
+    uncertainty does. Where all length-scales are known, it is the whole fit.
 
     Args:
         gp: its ``output_scale`` is set in place; with fewer than two points it is left alone.

@@ -1,4 +1,4 @@
-"""The pendulum, with the equation as printed in the paper and with Gymnasium's, and torques that a model may lack."""
+"""The pendulum, with the equation as printed in the paper and with Gymnasium's."""
 
 from __future__ import annotations
 
@@ -7,12 +7,13 @@ from collections.abc import Callable
 from typing import Literal
 
 import torch
-from torch import Tensor, nn
+from torch import Tensor
 
 from torch_activegp.errors import ConfigurationError
 from torch_activegp.simulators.base import Simulator
 from torch_activegp.simulators.integrators import Integrator, semi_implicit_euler
-from torch_activegp.simulators.space import ActionSpace, StateSpace, wrap_angle
+from torch_activegp.simulators.parameters import register_value
+from torch_activegp.simulators.space import ActionSpace, StateSpace
 
 MAX_SPEED = 8.0
 """Limit of the angular velocity, rad/s."""
@@ -77,7 +78,7 @@ class Pendulum(Simulator):
         if equation not in ("paper", "gymnasium"):
             raise ConfigurationError(f'Pendulum: wanted equation "paper" or "gymnasium", found {equation!r}.')
         for name, value, positive in (("g", g, False), ("m", m, True), ("l", l, True)):
-            _register(self, name, value, trainable)
+            register_value(self, name, value, trainable)
             if positive and not bool((getattr(self, name) > 0).all()):
                 raise ConfigurationError(f"Pendulum: wanted `{name}` > 0, found {value}.")
         self.equation = equation
@@ -100,7 +101,7 @@ class Pendulum(Simulator):
         else:
             theta, theta_dot = self.integrator(self._derivative, state, torque, self.dt).unbind(-1)
             theta_dot = theta_dot.clamp(-MAX_SPEED, MAX_SPEED)
-        return torch.stack((wrap_angle(theta), theta_dot), dim=-1).to(state.dtype)
+        return self.state_space.wrap(torch.stack((theta, theta_dot), dim=-1)).to(state.dtype)
 
     def _third_of_acceleration(self, theta: Tensor, theta_dot: Tensor, torque: Tensor) -> Tensor:
         # The step is the inner loop of planners: this form has the fewest tensor operations.
@@ -113,86 +114,3 @@ class Pendulum(Simulator):
         theta, theta_dot = state.unbind(-1)
         acceleration = self.acceleration(theta, theta_dot, torque)
         return torch.stack(torch.broadcast_tensors(theta_dot, acceleration), dim=-1)
-
-
-class LocalBrake(nn.Module):
-    """A brake that works near one angle: torque = -damping exp(-(d / width)^2 / 2) theta_dot.
-
-    d is the distance from ``center`` on the circle.
-
-    Args:
-        center: angle where the brake is strongest, rad.
-        width: standard deviation of the Gaussian window, rad.
-        damping: damping at the center, N m s/rad.
-        trainable: make the three parameters instead of buffers.
-
-    Raises:
-        ConfigurationError: ``width`` is not positive.
-    """
-
-    center: Tensor
-    width: Tensor
-    damping: Tensor
-
-    def __init__(
-        self, center: float = 1.2, width: float = 0.25, damping: float = 1.0, *, trainable: bool = False
-    ) -> None:
-        super().__init__()
-        _require_width(width)
-        for name, value in (("center", center), ("width", width), ("damping", damping)):
-            _register(self, name, value, trainable)
-
-    def forward(self, theta: Tensor, theta_dot: Tensor) -> Tensor:
-        """Torque of the brake, N m; ``(...)`` from angles ``(...)`` in rad and speeds ``(...)`` in rad/s."""
-        offset = wrap_angle(theta - self.center) / self.width
-        return -self.damping * torch.exp(-0.5 * offset * offset) * theta_dot
-
-
-class Magnet(nn.Module):
-    """A magnet that pulls towards one angle: torque = -strength (d / width) exp((1 - (d / width)^2) / 2).
-
-    d is the signed distance from ``center`` on the circle; the pull is strongest, and equals ``strength``, one
-    ``width`` away from it.
-
-    Args:
-        center: angle of the magnet, rad.
-        width: distance of the strongest pull, rad.
-        strength: strongest pull, N m; a negative one pushes away.
-        trainable: make the three parameters instead of buffers.
-
-    Raises:
-        ConfigurationError: ``width`` is not positive.
-    """
-
-    center: Tensor
-    width: Tensor
-    strength: Tensor
-
-    def __init__(
-        self, center: float = 1.2, width: float = 0.25, strength: float = 1.0, *, trainable: bool = False
-    ) -> None:
-        super().__init__()
-        _require_width(width)
-        for name, value in (("center", center), ("width", width), ("strength", strength)):
-            _register(self, name, value, trainable)
-
-    def forward(self, theta: Tensor, theta_dot: Tensor) -> Tensor:
-        """Torque of the magnet, N m; ``(...)`` from angles ``(...)`` in rad. The speed has no influence."""
-        offset = wrap_angle(theta - self.center) / self.width
-        return -self.strength * offset * torch.exp(0.5 - 0.5 * offset * offset)
-
-
-def _register(module: nn.Module, name: str, value: float | Tensor, trainable: bool) -> None:
-    if isinstance(value, nn.Parameter):
-        module.register_parameter(name, value)
-        return
-    tensor = torch.as_tensor(value, dtype=torch.float64).detach().clone()
-    if trainable:
-        module.register_parameter(name, nn.Parameter(tensor))
-    else:
-        module.register_buffer(name, tensor)
-
-
-def _require_width(width: float) -> None:
-    if not width > 0:
-        raise ConfigurationError(f"wanted `width` > 0 rad, found {width}.")

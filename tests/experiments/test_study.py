@@ -1,0 +1,94 @@
+from __future__ import annotations
+
+from pathlib import Path
+
+import pandas as pd
+import pytest
+import torch
+
+from torch_activegp.errors import CheckpointError, PlanningError, SimulationError
+from torch_activegp.experiments.methods import Budget
+from torch_activegp.experiments.study import (
+    COLUMNS,
+    Step,
+    Trial,
+    make_trials,
+    naming,
+    records_table,
+    run_study,
+    run_trial,
+)
+from torch_activegp.experiments.task import Task, pendulum
+from torch_activegp.experiments.user_simulator import UserSimulator
+from torch_activegp.loops import EpisodeRecord
+from torch_activegp.simulators import Pendulum
+
+TINY = Budget(episodes=2, episode_length=2, planning_horizon=2, optim_steps=1, num_candidates=12)
+
+
+def small_pendulum() -> Task:
+    whole = pendulum()
+    return Task("small", whole.truth, whole.prior, whole.gp, grid=4)
+
+
+def record(index: int, value: float) -> EpisodeRecord:
+    metrics = {"mse": value, "max_variance": value + 1, "discrepancy": value + 2}
+    return EpisodeRecord(index, 10 * index, 0.0, 0.0, 9.9, (1.0,), metrics)
+
+
+def table_of(steps: list[Step], methods: list[str]) -> pd.DataFrame:
+    results: dict[Trial, list[EpisodeRecord]] = {}
+    for step in steps:
+        results.setdefault(step.trial, []).append(step.record)
+    return records_table(results, methods)
+
+
+def test_first_trials_come_first_and_seeds_count_up() -> None:
+    trials = [(trial.method, trial.seed) for trial in make_trials(["a", "b"], 2, first_seed=7)]
+    assert trials == [("a", 7), ("b", 7), ("a", 8), ("b", 8)]
+
+
+def test_the_table_has_the_given_order_whatever_finished_first() -> None:
+    results = {Trial("a", 1): [record(1, 3.0)], Trial("b", 0): [record(1, 1.0), record(2, 2.0)]}
+    table = records_table(results, ["b", "a"])
+    assert tuple(table.columns) == COLUMNS
+    assert table.values.tolist() == [
+        ["b", 0, 1, 10, 2.0, 1.0, 3.0],
+        ["b", 0, 2, 20, 3.0, 2.0, 4.0],
+        ["a", 1, 1, 10, 4.0, 3.0, 5.0],
+    ]
+    assert records_table(dict(reversed(results.items())), ["b", "a"]).equals(table)
+
+
+def test_a_study_gives_the_same_table_whole_or_cut(tmp_path: Path) -> None:
+    trials = make_trials(["discrepancy", "sigma"], 1)
+    methods = ["discrepancy", "sigma"]
+    threads = torch.get_num_threads()
+    whole = list(run_study(small_pendulum, trials, TINY, tmp_path / "a"))
+    cut = run_study(small_pendulum, trials, TINY, tmp_path / "b")
+    assert not next(cut).restored
+    cut.close()
+    assert torch.get_num_threads() == threads
+    rest = list(run_study(small_pendulum, trials, TINY, tmp_path / "b"))
+    assert [step.restored for step in rest] == [True, False, False, False]
+    assert table_of(rest, methods).to_csv() == table_of(whole, methods).to_csv()
+    again = list(run_study(small_pendulum, trials, TINY, tmp_path / "b"))
+    assert all(step.restored for step in again)
+
+
+def test_a_damaged_checkpoint_names_the_trial(tmp_path: Path) -> None:
+    trial = Trial("sigma", 3)
+    trial.checkpoint(tmp_path).write_text("no checkpoint")
+    message = r"small \(imperfect simulator: Pendulum\), method sigma, seed 3: .*sigma-3.pt is not a readable"
+    with pytest.raises(CheckpointError, match=message):
+        list(run_trial(small_pendulum, TINY, tmp_path, trial))
+
+
+def test_errors_keep_their_class_and_say_where() -> None:
+    task = Task("mine:make", Pendulum(), UserSimulator(Pendulum(m=0.5), "mine:wrong"), pendulum().gp)
+    for kind in (PlanningError, SimulationError):
+        with (
+            pytest.raises(kind, match=r"^mine:make \(imperfect simulator: mine:wrong\), method opax, seed 0: lost$"),
+            naming(task, Trial("opax", 0)),
+        ):
+            raise kind("lost")
