@@ -126,10 +126,10 @@ def test_the_maximum_variance_falls_as_the_theorems_noise(generator: torch.Gener
 def test_the_maximum_variance_is_bounded_by_the_information_gain(noise: float, generator: torch.Generator) -> None:
     """At held noise s, T log(1 + M_T / s) <= sum_t log(1 + M_t / s) = 2 I_T <= 2 gamma_T.
 
-    So M_T <= s (e^(2 gamma_T / T) - 1). I_T = log det(I + K_T / s) / 2 is the information that the samples carry (Srinivas et al. 2010, Lemma 5.3), and on
-    a finite Z, where each point is sampled at most T times, gamma_T <= log det(I + T K_Z / s) / 2. Since
-    x <= c log(1 + x / s) for 0 <= x <= 1 with c = 1 / log(1 + 1 / s), it follows for a kernel of unit variance that
-    M_T <= 2 gamma_T / (T log(1 + 1 / s)).
+    So M_T <= s (e^(2 gamma_T / T) - 1). I_T = log det(I + K_T / s) / 2 is the information that the samples carry
+    (Srinivas et al. 2010, Lemma 5.3), and on a finite Z, where each point is sampled at most T times,
+    gamma_T <= log det(I + T K_Z / s) / 2. Since x <= c log(1 + x / s) for 0 <= x <= 1 with c = 1 / log(1 + 1 / s), it
+    follows for a kernel of unit variance that M_T <= 2 gamma_T / (T log(1 + 1 / s)).
     """
     z = points(15, generator)
     gp, gains, data = make(FixedNoise(noise)), [], []

@@ -132,3 +132,10 @@ def test_wrong_weights_are_refused(terms: list[AcquisitionFunction], weights: li
 def test_a_key_written_twice_is_refused(terms: list[AcquisitionFunction], out_keys: list[str]) -> None:
     with pytest.raises(ConfigurationError, match="wanted one out_key and distinct ones in the terms, found"):
         WeightedSum(terms, out_keys=out_keys)
+
+
+def test_the_papers_discrepancy_can_refer_to_the_simulator() -> None:
+    loc, zero = torch.tensor([[3.0, 4.0]]), torch.zeros(1, 2)
+    td = TensorDict({"loc": loc, "prior_loc": loc, "simulator_loc": zero, "scale": zero}, [1])
+    assert prior_discrepancy()(td)["score"].item() == 0.0
+    assert prior_discrepancy(reference="simulator_loc")(td)["score"].item() == 5.0

@@ -21,10 +21,9 @@ from torchrl.data import (
 from torchrl.envs import EnvBase, RenameTransform, StepCounter, TransformedEnv
 from torchrl.modules import RandomPolicy
 
-from torch_activegp import envs
 from torch_activegp.acquisition import Spread
 from torch_activegp.collectors import EpisodeCollector
-from torch_activegp.envs import GPEnv, SimulatorEnv
+from torch_activegp.envs import GPEnv, MujocoGymEnv, SimulatorEnv
 from torch_activegp.errors import ConfigurationError, SimulationError
 from torch_activegp.means import SimulatorMean
 from torch_activegp.models import DynamicsGP
@@ -205,9 +204,8 @@ def test_an_environment_without_a_state_is_an_error_and_can_be_renamed() -> None
     assert EpisodeCollector(renamed, push(), 2).collect()["state"].shape == (2, 2)
 
 
-@pytest.mark.skipif(not hasattr(envs, "MujocoGymEnv"), reason="there is no MujocoGymEnv")
 def test_the_half_cheetah_runs_from_a_state_of_its_own() -> None:
-    env = envs.MujocoGymEnv("HalfCheetah-v5")
+    env = MujocoGymEnv("HalfCheetah-v5")
     size = env.observation_spec["state"].shape[-1]
     state = 0.01 * torch.arange(size, dtype=torch.float64)
     policy = RandomPolicy(env.action_spec)

@@ -7,7 +7,7 @@ import torch
 from torch_activegp.collectors import LargestErrorReductionStart
 from torch_activegp.errors import ConfigurationError
 from torch_activegp.means import EpisodicMean, SimulatorMean
-from torch_activegp.models import DynamicsGP, FixedNoise
+from torch_activegp.models import DynamicsGP, FixedNoise, fit_output_scale
 from torch_activegp.simulators import ActionSpace, FunctionSimulator, LocalBrake, Pendulum, StateSpace
 
 
@@ -55,7 +55,7 @@ def test_the_episode_follows_the_posterior_mean() -> None:
 
 def test_it_starts_near_the_place_where_the_simulator_was_seen_to_be_wrong() -> None:
     gp = make_gp(1000, Pendulum(extra_torque=LocalBrake(center=1.2)))
-    gp.output_scale = torch.tensor([0.01, 0.2], dtype=torch.float64)
+    fit_output_scale(gp)
     start = LargestErrorReductionStart(gp, Pendulum().action_space)
     angles = torch.stack([start()[0] for _ in range(8)])
     assert ((angles - 1.2).abs() < 1.0).double().mean() >= 0.75

@@ -43,7 +43,7 @@ def test_every_method_learns_and_repeats_itself(method: str) -> None:
     assert METHODS[method].with_prior == (loops[0].records[0].metrics["mse"] < 1)
 
 
-def test_sigma_greedy_ends_with_less_variance_than_the_worst_start() -> None:
+def test_six_episodes_beat_the_simulator_alone() -> None:
     budget = Budget(episodes=6, planning_horizon=5, optim_steps=3, num_candidates=30)
     loop = make_loop(small_pendulum(), "sigma", 0, budget)
     records = list(loop.run(budget.episodes))

@@ -7,6 +7,7 @@ import subprocess
 import sys
 from collections.abc import Iterator
 from functools import partial
+from itertools import pairwise
 from pathlib import Path
 from types import ModuleType
 from typing import Any
@@ -20,10 +21,9 @@ from tensordict.nn import TensorDictModule, TensorDictModuleBase, TensorDictSequ
 from torch import Tensor
 from torchrl.data import LazyTensorStorage, TensorDictReplayBuffer
 
-from torch_activegp import envs
 from torch_activegp.acquisition import InformationGain, prior_discrepancy
 from torch_activegp.collectors import LargestScoreStart
-from torch_activegp.envs import GPEnv, OptimisticTransition, SimulatorEnv
+from torch_activegp.envs import GPEnv, MujocoGymEnv, OptimisticTransition, SimulatorEnv
 from torch_activegp.errors import CheckpointError, ConfigurationError, SimulationError
 from torch_activegp.loops import ActiveLearning
 from torch_activegp.means import EpisodicMean, SimulatorMean
@@ -113,9 +113,9 @@ def test_on_the_papers_pendulum_error_and_variance_fall_and_the_prior_pays() -> 
     assert [record.num_points for record in ours] == [10, 20, 30, 40]
     errors, variances = ([record.metrics[name] for record in ours] for name in ("mse", "variance"))
     assert errors[3] < 0.9 * errors[0]
-    assert all(after < before for before, after in zip(variances, variances[1:], strict=False))
+    assert all(after < before for before, after in pairwise(variances))
     largest = [record.max_variance for record in ours]
-    assert all(after <= before + 1e-12 for before, after in zip(largest, largest[1:], strict=False))
+    assert all(after <= before + 1e-12 for before, after in pairwise(largest))
     without = complete(paper_loop(InformationGain(), gpytorch.means.ZeroMean(batch_shape=torch.Size([2]))), 1).records
     assert without[0].metrics["mse"] > 10 * errors[0]
 
@@ -536,32 +536,29 @@ def test_a_system_that_diverges_is_named_with_the_point(small_run: ModuleType) -
     assert loop.gp.num_points == 0
 
 
-@pytest.mark.skipif(not hasattr(envs, "MujocoGymEnv"), reason="there is no MujocoGymEnv")
-def test_the_half_cheetah_is_learned(tmp_path: Path) -> None:
-    env = envs.MujocoGymEnv("HalfCheetah-v5")
-    size = env.observation_spec["state"].shape[-1]
-    names = [f"x{j}" for j in range(size)]
-    space = StateSpace(names, [-torch.inf] * size, [torch.inf] * size)
+@pytest.mark.parametrize("own_start", [True, False], ids=["own start", "reset by chance"])
+def test_the_half_cheetah_is_learned_and_resumed(tmp_path: Path, own_start: bool) -> None:
+    size = 18
+    space = StateSpace([f"x{j}" for j in range(size)], [-torch.inf] * size, [torch.inf] * size)
 
-    def start() -> Tensor:
-        return torch.zeros(size, dtype=torch.float64)
-
-    def make() -> ActiveLearning:
-        gp = DynamicsGP(
-            EpisodicMean(gpytorch.means.ZeroMean(batch_shape=torch.Size([size]))),
-            gpytorch.kernels.RBFKernel(),
-            state_space=space,
-        )
+    def make(seed: int, start: Any = None) -> ActiveLearning:
+        env = MujocoGymEnv("HalfCheetah-v5")
+        env.set_seed(seed)
+        mean = EpisodicMean(gpytorch.means.ZeroMean(batch_shape=torch.Size([size])))
+        gp = DynamicsGP(mean, gpytorch.kernels.RBFKernel(), state_space=space)
         policy = TensorDictModule(lambda state: state[..., 3:9].sin(), in_keys=["state"], out_keys=["action"])
         return ActiveLearning(env, policy, gp, start=start, episode_length=3, checkpoint=tmp_path / "run.pt")
 
-    loop = complete(make(), 2)
+    start = partial(torch.zeros, size) if own_start else None
+    loop = complete(make(0, start), 2)
     assert [record.num_points for record in loop.records] == [3, 6]
     assert loop.model.dt == pytest.approx(0.05)
-    resumed = make()
+    resumed = make(1, start)
     resumed.resume()
     complete(resumed, 3)
     complete(loop, 3)
     assert torch.equal(resumed.gp.inputs, loop.gp.inputs)
+    starts = torch.stack([episode["state"][0] for episode in loop.episodes])
+    assert len(starts.unique(dim=0)) == (1 if own_start else 3)
     with pytest.raises(ConfigurationError, match="finite bounds.*start=None"):
-        ActiveLearning(env, loop.policy, loop.gp)
+        make(0, "largest variance")

@@ -328,6 +328,18 @@ def test_the_gradient_of_the_scale_is_finite_where_nothing_is_uncertain() -> Non
     assert bool(torch.isfinite(z.grad).all())
 
 
+@pytest.mark.parametrize("kernel", ["rbf ard", "product", "scale an output"])
+def test_the_prior_covariance_is_the_kernel(kernel: str, generator: torch.Generator) -> None:
+    gp = make(kernel, "simulator", scale="scaled")
+    first, second = (
+        torch.rand(4, 3, generator=generator, dtype=DOUBLE),
+        torch.rand(5, 3, generator=generator, dtype=DOUBLE),
+    )
+    covariance = gp.posterior.prior_covariance(first, second)
+    assert covariance.shape[-2:] == (4, 5)
+    torch.testing.assert_close(covariance, gp.covar_module(first, second).to_dense())
+
+
 def test_a_user_may_make_one_directly(generator: torch.Generator) -> None:
     """Rasmussen and Williams 2006, Eq. 2.25 and 2.26, written out."""
     z, query = torch.randn(2, 6, 3, generator=generator, dtype=DOUBLE)

@@ -8,6 +8,7 @@ from collections.abc import Callable
 from itertools import pairwise
 
 import gpytorch
+import numpy as np
 import pytest
 import torch
 from gpytorch.constraints import GreaterThan
@@ -27,6 +28,7 @@ from torch_activegp.models import (
     fit_hyperparameters,
     scaled_rbf,
 )
+from torch_activegp.models.fitting import _Objective
 from torch_activegp.simulators import FunctionSimulator, Pendulum, StateSpace
 
 DOUBLE = torch.float64
@@ -223,6 +225,16 @@ def test_a_loss_that_is_never_finite_leaves_everything(transitions: Draw) -> Non
     gp.covar_module.lengthscale_prior.__class__ = Wild
     fit_hyperparameters(gp)
     torch.testing.assert_close(gp.covar_module.raw_lengthscale.detach(), before)
+
+
+def test_a_covariance_that_cannot_be_factored_is_very_bad(transitions: Draw) -> None:
+    gp = pendulum_gp(kernel=RBFKernel())
+    gp.update(*transitions(10))
+    objective = _Objective(gp, torch.arange(10), standardize=True)
+    start = objective.pack()
+    value, gradient = objective(np.full_like(start, math.nan))
+    assert value > objective(start)[0] + 100
+    assert not gradient.any()
 
 
 def test_it_is_deterministic_and_the_subset_is_the_generators(transitions: Draw) -> None:

@@ -12,7 +12,14 @@ from torch import Tensor
 
 from torch_activegp.errors import DataError
 from torch_activegp.means import EpisodicMean, SimulatorMean
-from torch_activegp.models import DynamicsGP, FixedNoise, HeldOutGuard, InverseSquareNoise, LearnedSimulator
+from torch_activegp.models import (
+    DynamicsGP,
+    FixedNoise,
+    GuardReport,
+    HeldOutGuard,
+    InverseSquareNoise,
+    LearnedSimulator,
+)
 from torch_activegp.simulators import LocalBrake, Pendulum
 
 DOUBLE = torch.float64
@@ -49,6 +56,15 @@ def test_it_stays_out_of_the_way_of_a_model_that_helps() -> None:
     assert report.trust.tolist() == [1.0]
     assert report.names == ("state 0",)
     assert str(report) == "On held-out data the learned model is better than the simulator alone in every state."
+
+
+def test_a_model_that_is_better_but_not_trusted_whole_is_called_so() -> None:
+    tensors = [torch.tensor([value], dtype=DOUBLE) for value in (1.0, 0.9, 0.95, 0.5)]
+    report = GuardReport(*tensors, names=("a",))
+    assert report.stepped_in
+    assert "the learned model is not reliably better than the simulator alone in a (0.9 against 1; 50 % of" in str(
+        report
+    )
 
 
 def test_before_any_data_the_model_is_trusted() -> None:

@@ -10,7 +10,7 @@ import torch
 from tensordict import TensorDictBase
 from tensordict.nn import TensorDictModuleBase
 from tensordict.utils import NestedKey
-from torch import nn
+from torch import Tensor, nn
 
 from torch_activegp import keys
 from torch_activegp.acquisition.base import AcquisitionFunction
@@ -71,7 +71,9 @@ class WeightedSum(TensorDictModuleBase):
         return tensordict.set(self.out_keys[-1], total)
 
 
-def prior_discrepancy(beta: float = 1.0, unit: float | Sequence[float] = 1.0) -> WeightedSum:
+def prior_discrepancy(
+    beta: float = 1.0, unit: float | Sequence[float] | Tensor = 1.0, reference: NestedKey = keys.PRIOR_LOC
+) -> WeightedSum:
     """The paper's acquisition function: A(u; x) = |mu - m_tau| + beta^(1/2) sigma.
 
     Add side information with ``WeightedSum([Discrepancy(), Spread(), SafeSet(...)], [1, beta**0.5, 1])``.
@@ -79,6 +81,7 @@ def prior_discrepancy(beta: float = 1.0, unit: float | Sequence[float] = 1.0) ->
     Args:
         beta: weight of the uncertainty, not negative.
         unit: scale of each state.
+        reference: what the discrepancy is measured from; ``PRIOR_LOC`` is m_tau, ``SIMULATOR_LOC`` is p0.
 
     Raises:
         ConfigurationError: ``beta`` is negative.
@@ -87,4 +90,4 @@ def prior_discrepancy(beta: float = 1.0, unit: float | Sequence[float] = 1.0) ->
     """
     if not beta >= 0:
         raise ConfigurationError(f"Wanted beta >= 0, found {beta}.")
-    return WeightedSum([Discrepancy(unit), Spread(unit)], [1.0, beta**0.5])
+    return WeightedSum([Discrepancy(unit, in_keys=[keys.LOC, reference]), Spread(unit)], [1.0, beta**0.5])

@@ -89,9 +89,9 @@ def show_time(seconds: float) -> str:
         >>> show_time(75.2), show_time(4000), show_time(8)
         ('1 min 15 s', '1 h 7 min', '8 s')
     """
-    whole = round(seconds)
+    whole, minutes = round(seconds), round(seconds / 60)
     if whole < 60:
         return f"{whole} s"
     if whole < 3600:
         return f"{whole // 60} min {whole % 60} s"
-    return f"{whole // 3600} h {round(whole % 3600 / 60)} min"
+    return f"{minutes // 60} h {minutes % 60} min"

@@ -28,8 +28,9 @@ class MujocoGymEnv(GymEnv):
     """A :class:`~torchrl.envs.GymEnv` with MuJoCo's state (qpos, qvel) under ``"state"``, which ``reset`` can set.
 
     Every reset and step adds the state in float64, with the root position that Gymnasium's observation hides.
-    ``reset(td, set_state=True)`` starts there, with a new time limit. The solver's warm start is zero after each reset,
-    so that two runs from one state with the same actions agree bit for bit.
+    ``reset(td, set_state=True)`` starts there, with a new time limit. The solver's warm start is zero before each step,
+    as in :class:`~torch_activegp.simulators.MujocoSimulator`: the next state depends on state and action alone, and a
+    run from any recorded state repeats bit for bit. Gymnasium's own steps differ by the solver's tolerance.
 
     Args:
         env_name: a Gymnasium environment on a :class:`~gymnasium.envs.mujoco.MujocoEnv`, such as ``"HalfCheetah-v5"``.
@@ -60,7 +61,7 @@ class MujocoGymEnv(GymEnv):
                 f"MujocoGymEnv: wanted a state_space of {dim} dimensions (qpos, qvel) for {env_name}, found "
                 f"{list(state_space.names)}."
             )
-        self.state_space = state_space
+        self.__dict__["state_space"] = state_space  # TorchRL's wrappers cannot look up submodules
 
     @property
     def dt(self) -> float:
@@ -102,6 +103,7 @@ class MujocoGymEnv(GymEnv):
         self.state_spec[keys.STATE] = state.clone()
 
     def _step(self, tensordict: TensorDictBase) -> TensorDictBase:
+        self._mujoco.data.qacc_warmstart[:] = 0.0
         return super()._step(tensordict).set(keys.STATE, self._read_state())
 
     def _reset(
@@ -113,7 +115,6 @@ class MujocoGymEnv(GymEnv):
                 out = super()._reset(tensordict, **kwargs)
         else:
             out = super()._reset(tensordict, **kwargs)
-        self._mujoco.data.qacc_warmstart[:] = 0.0
         return out.set(keys.STATE, self._read_state())
 
     def get_extra_state(self) -> dict[str, Any]:

@@ -53,6 +53,11 @@ METHODS: dict[str, Method] = {
     "opax": Method("OpAx", lambda gp, seed: InformationGain(), with_prior=False, transition=OptimisticTransition()),
     "opax-prior": Method("OpAx with prior", lambda gp, seed: InformationGain(), transition=OptimisticTransition()),
     "sigma": Method("Sigma-greedy", lambda gp, seed: Spread(gp.output_scale)),
+    "discrepancy-p0": Method(
+        "Discrepancy from p0 + spread, start too",
+        lambda gp, seed: prior_discrepancy(1.0, gp.output_scale, keys.SIMULATOR_LOC),
+        start="score",
+    ),
     "directed": Method("Directed spread (ours)", lambda gp, seed: DirectedSpread(), start="error reduction"),
     "random": Method("Random", lambda gp, seed: RandomScore(torch.Generator().manual_seed(seed))),
 }

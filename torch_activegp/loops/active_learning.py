@@ -141,8 +141,9 @@ class ActiveLearning:
             self._restore(content)
         except _MISFIT as error:
             self._restore(before)
+            reason = " ".join(str(error).split())
             raise CheckpointError(
-                f"{self.checkpoint} does not fit this loop ({error}). Build env, policy, GP, kernel and start as in "
+                f"{self.checkpoint} does not fit this loop ({reason}). Build env, policy, GP, kernel and start as in "
                 "the run that wrote it, or choose another file."
             ) from error
         if self.replay_buffer is not None:

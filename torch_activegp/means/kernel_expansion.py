@@ -42,8 +42,9 @@ class KernelExpansion(nn.Module):
     def __init__(self, kernel: gpytorch.kernels.Kernel, centers: Tensor, weights: Tensor) -> None:
         super().__init__()
         self.kernel = deepcopy(kernel).requires_grad_(False).eval()
-        self.register_buffer("centers", centers.detach().clone())
-        self.register_buffer("weights", weights.detach().clone())
+        # In one memory layout, whatever that of the originals: products then agree bit for bit after a restart.
+        self.register_buffer("centers", centers.detach().clone(memory_format=torch.contiguous_format))
+        self.register_buffer("weights", weights.detach().clone(memory_format=torch.contiguous_format))
 
     def forward(self, z: Tensor) -> Tensor:
         """Evaluate the sum.

@@ -1,0 +1,90 @@
+from __future__ import annotations
+
+import os
+import subprocess
+import sys
+from collections.abc import Callable
+from pathlib import Path
+
+import pytest
+import typer
+from typer.testing import CliRunner, Result
+
+import torch_activegp
+from torch_activegp.cli import app
+from torch_activegp.cli.app import interruptible
+from torch_activegp.errors import ConfigurationError
+
+COMMAND = [sys.executable, "-c", "from torch_activegp.cli import main; main()"]
+
+
+def raising(error: BaseException) -> typer.Typer:
+    """An application like ours with one command, which fails."""
+    other = typer.Typer(cls=app.info.cls, pretty_exceptions_enable=False)
+    other.callback()(lambda: None)
+
+    @other.command()
+    def fail() -> None:
+        raise error
+
+    return other
+
+
+@pytest.mark.parametrize("words", [[], ["--help"]])
+def test_the_first_page_teaches(run: Callable[..., Result], words: list[str]) -> None:
+    text = run(*words).output
+    for wanted in ("torch-activegp explore pendulum", "explore", "figures", "--version", "Exit codes"):
+        assert wanted in text
+
+
+@pytest.mark.parametrize("command", ["explore", "figures"])
+def test_a_command_teaches_in_eighty_columns(
+    run: Callable[..., Result], monkeypatch: pytest.MonkeyPatch, command: str
+) -> None:
+    monkeypatch.setenv("COLUMNS", "80")
+    monkeypatch.setenv("TERMINAL_WIDTH", "80")
+    result = run(command, "--help")
+    assert result.exit_code == 0
+    assert f"torch-activegp {command} pendulum" in result.output
+    for wanted in ("metrics.csv", "summary.json", ".svg", "--resume", "--seed", "pendulum-gymnasium", "factory"):
+        assert wanted in result.output
+    assert max(map(len, result.output.splitlines())) <= 80
+
+
+def test_the_version(run: Callable[..., Result]) -> None:
+    result = run("--version")
+    assert (result.exit_code, result.output) == (0, f"torch-activegp {torch_activegp.__version__}\n")
+
+
+def test_an_error_of_the_user_is_one_message_and_code_2() -> None:
+    result = CliRunner().invoke(raising(ConfigurationError("Wanted [bold]more[/], found less.")), ["fail"])
+    assert result.exit_code == 2
+    assert result.stderr == "Error: Wanted [bold]more[/], found less.\n"
+    assert result.stdout == ""
+
+
+def test_an_interrupt_is_code_130() -> None:
+    result = CliRunner().invoke(raising(KeyboardInterrupt()), ["fail"])
+    assert (result.exit_code, result.stderr) == (130, "Interrupted.\n")
+
+
+def test_an_error_of_ours_is_not_hidden() -> None:
+    result = CliRunner().invoke(raising(ZeroDivisionError()), ["fail"])
+    assert isinstance(result.exception, ZeroDivisionError)
+
+
+def test_an_interrupted_run_says_how_it_goes_on(capsys: pytest.CaptureFixture[str]) -> None:
+    with pytest.raises(typer.Exit) as stopped, interruptible(Path("runs/a")):
+        raise KeyboardInterrupt
+    assert stopped.value.exit_code == 130
+    assert "runs/a keeps every complete episode: run the same command with --resume" in capsys.readouterr().err
+
+
+def test_the_real_program_ends_with_code_2_and_one_message(folder: Path) -> None:
+    words = ["explore", "machines:fails", "--prior", "machines:wrong"]
+    environment = {**os.environ, "PYTHONPATH": str(Path(torch_activegp.__file__).parents[1])}
+    done = subprocess.run([*COMMAND, *words], cwd=folder, env=environment, capture_output=True, text=True, check=False)
+    assert done.returncode == 2
+    assert "Error: `machines:fails` raised KeyError: 'the key to the lab'" in done.stderr
+    assert "Traceback" not in done.stderr + done.stdout
+    assert not (folder / "runs").exists()

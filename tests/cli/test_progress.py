@@ -1,0 +1,69 @@
+from __future__ import annotations
+
+import io
+
+import pytest
+from rich.console import Console
+
+from torch_activegp.cli.progress import EpisodeProgress, show_time
+
+
+class Clock:
+    """A clock that a test winds."""
+
+    now = 100.0
+
+    def __call__(self) -> float:
+        return self.now
+
+
+@pytest.mark.parametrize(
+    ("seconds", "words"),
+    [
+        (0.2, "0 s"),
+        (59.4, "59 s"),
+        (59.6, "1 min 0 s"),
+        (3599.7, "1 h 0 min"),
+        (5400, "1 h 30 min"),
+        (7199, "2 h 0 min"),
+    ],
+)
+def test_times_in_words(seconds: float, words: str) -> None:
+    assert show_time(seconds) == words
+
+
+def test_the_time_left_counts_only_what_this_run_did() -> None:
+    clock = Clock()
+    with EpisodeProgress(Console(file=io.StringIO()), "running", 10, clock=clock) as progress:
+        for _ in range(4):
+            progress.advance(restored=True)
+        assert progress.seconds_left is None
+        clock.now += 3
+        progress.advance()
+        assert progress.seconds_left == pytest.approx(15)
+        clock.now += 1
+        progress.advance()
+        assert progress.seconds_left == pytest.approx(8)
+
+
+def test_a_file_gets_a_line_now_and_then() -> None:
+    clock, file = Clock(), io.StringIO()
+    with EpisodeProgress(Console(file=file), "running", 100, interval=10, clock=clock) as progress:
+        for _ in range(25):
+            clock.now += 1
+            progress.advance()
+    assert file.getvalue().splitlines() == [
+        "running: 10 of 100 episodes, about 1 min 30 s left",
+        "running: 20 of 100 episodes, about 1 min 20 s left",
+    ]
+
+
+def test_a_terminal_gets_a_bar() -> None:
+    clock, file = Clock(), io.StringIO()
+    console = Console(file=file, force_terminal=True, width=100)
+    with EpisodeProgress(console, "running", 4, clock=clock) as progress:
+        clock.now += 2
+        progress.advance()
+    text = file.getvalue()
+    assert "1/4" in text
+    assert "about 6 s left" in text

@@ -1,0 +1,162 @@
+"""From the recordings that a user names to transitions of a simulator's states."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Sequence
+from pathlib import Path
+
+import torch
+from tensordict import TensorDict
+
+from torch_activegp.data import (
+    ColumnMap,
+    Recording,
+    estimate_velocities,
+    load_emps,
+    load_recordings,
+    resample,
+    to_transitions,
+    unwrap_angles,
+)
+from torch_activegp.data.checks import MIN_ROWS
+from torch_activegp.errors import DataError
+from torch_activegp.keys import ACTION, STATE
+from torch_activegp.simulators import Simulator
+
+_DATA_SETS = {"emps": load_emps}
+_SHARE_HELD_OUT = 5
+
+
+def load_named(words: Sequence[str], columns: ColumnMap | Path | None = None) -> list[Recording]:
+    """Load what a user names on the command line.
+
+    Args:
+        words: files or patterns (:func:`~torch_activegp.data.load_recordings`), or public data: ``emps:train``,
+            ``emps:test``.
+        columns: a column map for the files, or its path.
+
+    Returns:
+        All runs, in the order of the words.
+
+    Raises:
+        DataError: there is no such file or data set, or a file is no recording.
+    """
+    recordings: list[Recording] = []
+    for word in words:
+        name, _, split = word.partition(":")
+        if re.fullmatch(r"\w{2,}:\w*", word) and not Path(word).exists():
+            if name not in _DATA_SETS:
+                raise DataError(
+                    f"unknown data set `{word}`: emps:train or emps:test wanted, or the path of a recording."
+                )
+            recordings.append(_DATA_SETS[name](split))
+        else:
+            recordings += load_recordings(word, columns)
+    return recordings
+
+
+def set_aside(recordings: Sequence[Recording]) -> tuple[list[Recording], list[Recording], str]:
+    """Set aside recordings that nothing is learned from: a fifth of the runs, or the last fifth of a single run.
+
+    Returns:
+        What to learn from, what is held out, and a sentence that says which.
+
+    Raises:
+        DataError: a single run is too short.
+    """
+    if len(recordings) > 1:
+        count = max(1, round(len(recordings) / _SHARE_HELD_OUT))
+        held_out = list(recordings[-count:])
+        names = ", ".join(recording.label for recording in held_out)
+        return list(recordings[:-count]), held_out, f"Held out: {names} ({count} of {len(recordings)} runs)."
+    (run,) = recordings
+    cut = len(run) - len(run) // _SHARE_HELD_OUT
+    if len(run) - cut < MIN_ROWS:
+        raise DataError(f"{run.label}: too short, {len(run)} rows, to hold a fifth of them out. Record longer.")
+    first, last = from_row(run, 0, cut), from_row(run, cut)
+    return [first], [last], f"Held out: the last fifth of {run.label}, rows {cut + 1} to {len(run)}."
+
+
+def check_apart(recordings: Sequence[Recording], holdout: Sequence[Recording]) -> None:
+    """Check that no file is both learned from and held out.
+
+    Raises:
+        DataError: naming the file.
+    """
+    sources = {recording.source.resolve() for recording in recordings if recording.source is not None}
+    for recording in holdout:
+        if recording.source is not None and recording.source.resolve() in sources:
+            raise DataError(
+                f"{recording.name} is both learned from and held out, so its errors would say nothing. Hold another "
+                "recording out, or leave --holdout out: a part is then set aside."
+            )
+
+
+def check_columns_known(recordings: Sequence[Recording], simulator: Simulator, name: str) -> None:
+    """Check that a model has every joint and actuator that was recorded, and the recording those of the model.
+
+    Raises:
+        DataError: naming the file and the column, and what is there instead.
+    """
+    states, actions = simulator.state_space.names, simulator.action_space.names
+    wanted = [column for column in (*states, *actions) if column.startswith(("qpos.", "ctrl."))]
+    for recording in recordings:
+        strange = [column for column in recording.columns[1:] if column not in (*states, *actions)]
+        if strange:
+            raise DataError(
+                f"{recording.label}: `{name}` has no {', '.join(strange)}; it has {', '.join((*states, *actions))}. "
+                "Rename the columns with a column map (--columns MAP.toml), or take the model of this machine."
+            )
+        missing = [column for column in wanted if column not in recording]
+        if missing:
+            raise DataError(
+                f"{recording.label}: no column {', '.join(missing)}, which `{name}` wants; found "
+                f"{', '.join(recording.columns)}. Record it, or map it with a column map (--columns MAP.toml)."
+            )
+
+
+def with_velocities(recording: Recording, simulator: Simulator) -> Recording:
+    """Take the leaps out of recorded angles, and estimate the velocities that were not recorded."""
+    names = simulator.state_space.names
+    turning = [names[index].removeprefix("qpos.") for index in simulator.state_space.angles]
+    return estimate_velocities(unwrap_angles(recording, [joint for joint in turning if f"qpos.{joint}" in recording]))
+
+
+def from_row(recording: Recording, start: int, stop: int | None = None) -> Recording:
+    """A part of a run."""
+    columns = {name: recording[name][start:stop] for name in recording.columns}
+    return Recording.from_columns(
+        recording.name, columns, run=recording.run, source=recording.source, notes=recording.notes
+    )
+
+
+def transitions_of(recording: Recording, simulator: Simulator, shifts: int = 1) -> TensorDict:
+    """Transitions of one run at the simulator's step.
+
+    Args:
+        recording: with velocities, in time steps of at most ``simulator.dt``.
+        simulator: says states, actions and step.
+        shifts: how many clocks to use, each begun a little later within the first step, so that more rows are used.
+
+    Returns:
+        See :func:`~torch_activegp.data.to_transitions`; angles are wrapped, ``time`` begins at 0 with the run.
+
+    Raises:
+        DataError: the run is too short, its own step is too long, or a column is missing.
+    """
+    rows = max(1, round(simulator.dt / recording.dt))
+    starts = sorted({index * rows // shifts for index in range(min(shifts, rows))})
+    clocks = [from_row(recording, start) for start in starts if start == 0 or len(recording) - start > MIN_ROWS * rows]
+    parts = [
+        to_transitions(
+            [resample(clock, simulator.dt)], simulator.state_space.names, simulator.action_space.names, simulator.dt
+        )
+        for clock in clocks
+    ]
+    data: TensorDict = torch.cat(parts)
+    data["time"] = data["time"] - recording.time[0]
+    for key in (STATE, ("next", STATE)):
+        data[key] = simulator.state_space.wrap(data[key])
+    data[ACTION] = data[ACTION].contiguous()
+    return data
