@@ -10,6 +10,7 @@ which is slower, and the triangular one, which is what the package computes, are
 from __future__ import annotations
 
 from collections.abc import Callable
+from itertools import pairwise
 
 import torch
 from harness import arguments, race, table, write
@@ -46,7 +47,7 @@ class RunProducts:
             variance, [slice(t * CANDIDATES, (t + 1) * CANDIDATES) for t in range(HORIZON)]
         )
         edges = InverseFactor.edges(n) if variance == "triangular" else [0, n]
-        blocks = [(a, b) for a, b in zip(edges[:-1], edges[1:], strict=True)]
+        blocks = list(pairwise(edges))
         columns = [b if variance == "triangular" else n for _, b in blocks]
         self.variance = [
             (self.cross[row, :stop], inverse[a:b, :stop].mT, self.white[row, a:b])
@@ -145,7 +146,8 @@ def tables(results: list[dict]) -> dict[str, str]:
         + [result["seconds"]["products, triangular"] / result["seconds"]["ours"] for result in results]
     ]
     share_rows = [
-        [f"profiler, of all tensor operations: {name}", *(result["shares"][name] for result in results)] for name in results[0]["shares"]
+        [f"profiler, of all tensor operations: {name}", *(result["shares"][name] for result in results)]
+        for name in results[0]["shares"]
     ]
     header = [f"n = {result['n']}" for result in results]
     return {

@@ -12,8 +12,7 @@ import pytest
 
 ROOT = Path(__file__).resolve().parents[1]
 INSTALL = """python3 -m venv .venv \\
-    && .venv/bin/pip install -q -c constraints.txt -e ".[dev]" \\
-"""
+    && .venv/bin/pip install -q -c constraints.txt -e """
 
 
 @pytest.mark.parametrize("name", ["main-command", "test-command"])

@@ -95,8 +95,8 @@ for episode in loop.run(num_episodes=10):
 # %%
 # What was learned is a simulator again
 # -------------------------------------
-# ``loop.model`` steps like any simulator, so it can be the mean of the next GP. ``loop.guard`` compares it with the
-# simulator alone on steps that were predicted before they were learned, and shrinks corrections that do not help.
+# ``loop.model`` steps like any simulator, so it can be the mean of the next GP. ``loop.guard`` tests each episode on the
+# model that it started with, and leaves out corrections that do not beat the simulator alone.
 
 print(loop.guard.report())
 swing = loop.model.rollout(torch.tensor([0.5, 0.0]), torch.zeros(20, 1))

@@ -11,7 +11,7 @@ import typer
 from typer.testing import CliRunner, Result
 
 import torch_activegp
-from torch_activegp.cli import app
+from torch_activegp.cli import app, main
 from torch_activegp.cli.app import interruptible
 from torch_activegp.errors import ConfigurationError
 
@@ -54,6 +54,16 @@ def test_a_command_teaches_in_eighty_columns(
 def test_the_version(run: Callable[..., Result]) -> None:
     result = run("--version")
     assert (result.exit_code, result.output) == (0, f"torch-activegp {torch_activegp.__version__}\n")
+
+
+def test_the_entry_point_calls_the_application(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setattr(sys, "argv", ["torch-activegp", "--version"])
+    with pytest.raises(SystemExit) as stopped:
+        main()
+    assert stopped.value.code == 0
+    assert "torch-activegp" in capsys.readouterr().out
 
 
 def test_an_error_of_the_user_is_one_message_and_code_2() -> None:

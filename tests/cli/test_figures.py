@@ -69,7 +69,7 @@ def test_two_processes_end_at_ctrl_c_and_one_finishes_the_same_table(
     run: Callable[..., Result], folder: Path, no_pictures: None
 ) -> None:
     small = ("figures", "machines:whole", "--steps", "2", "--horizon", "2", "--methods", "discrepancy,sigma")
-    length = ("--trials", "1", "--episodes", "30")
+    length = ("--trials", "1", "--episodes", "20")
     words = (*small, *length, "--out", "cut")
     environment = {**os.environ, "PYTHONPATH": str(Path(torch_activegp.__file__).parents[1])}
     process = subprocess.Popen(

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-import json
+import signal
 import subprocess
 import sys
 from collections.abc import Iterator
@@ -372,11 +372,6 @@ def test_an_evaluation_that_fails_leaves_no_trace(small_run: ModuleType) -> None
     assert loop.gp.inputs.tolist() == plain.gp.inputs.tolist()
 
 
-def run_process(path: Path, *args: object) -> subprocess.Popen[str]:
-    command = [sys.executable, str(Path(__file__).with_name("small_run.py")), *map(str, (path / "run.pt", *args))]
-    return subprocess.Popen(command, stdout=subprocess.PIPE, text=True)
-
-
 @pytest.fixture
 def one_thread() -> Iterator[None]:
     before = torch.get_num_threads()
@@ -387,18 +382,18 @@ def one_thread() -> Iterator[None]:
 
 @pytest.mark.usefixtures("one_thread")
 def test_a_killed_process_is_continued_by_another_bit_for_bit(small_run: ModuleType, tmp_path: Path) -> None:
-    with run_process(tmp_path, tmp_path / "never.json", 4, 11) as first:  # waits in the third step of episode 3
+    checkpoint = tmp_path / "run.pt"
+    script = Path(__file__).with_name("small_run.py")
+    command = [sys.executable, str(script), str(checkpoint), "11"]  # waits in the third step of episode 3
+    with subprocess.Popen(command, stdout=subprocess.PIPE, text=True) as process:
         try:
-            assert first.stdout.readline() == "waiting\n"
+            assert process.stdout.readline() == "waiting\n"
         finally:
-            first.kill()
-    assert first.returncode == -9
-    assert not (tmp_path / "never.json").exists()
-    with run_process(tmp_path, tmp_path / "result.json", 4) as second:
-        assert second.stdout.read() == "resumed after 2\n"
-    assert second.returncode == 0
-    wanted = small_run.outcome(complete(small_run.make_loop(), 4))
-    assert json.loads((tmp_path / "result.json").read_text()) == wanted
+            process.kill()
+    assert process.returncode == -signal.SIGKILL
+    loop = small_run.make_loop(checkpoint=checkpoint, settings={"seed": 0}, tail=small_run.WaitAt(-1), seed=50)
+    assert loop.resume() == 2
+    assert small_run.outcome(complete(loop, 4)) == small_run.outcome(complete(small_run.make_loop(), 4))
 
 
 # -- checkpoints that do not fit ------------------------------------------------------------------------------------

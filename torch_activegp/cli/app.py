@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from contextlib import contextmanager
+from importlib.metadata import version
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -11,7 +12,6 @@ import typer
 from rich.console import Console
 from typer.core import TyperGroup
 
-import torch_activegp
 from torch_activegp.errors import ActiveGPError
 
 USAGE, INTERRUPTED = 2, 130
@@ -51,13 +51,13 @@ app = typer.Typer(
 
 def _print_version(wanted: bool) -> None:
     if wanted:
-        typer.echo(f"torch-activegp {torch_activegp.__version__}")
+        typer.echo(f"torch-activegp {version('torch-activegp')}")
         raise typer.Exit
 
 
 @app.callback()
 def _describe(
-    version: Annotated[
+    show_version: Annotated[
         bool, typer.Option("--version", callback=_print_version, is_eager=True, help="Print the version and stop.")
     ] = False,
 ) -> None:

@@ -34,21 +34,21 @@ class EpisodeProgress:
         self.console, self.title, self.total = console, title, total
         self.interval, self.clock = interval, clock
         self.done = self.restored = 0
-        self._began = self._shown = clock()
+        self._first: float | None = None
+        self._shown = clock()
         columns = (
             TextColumn("{task.description}"),
             BarColumn(bar_width=20),
             MofNCompleteColumn(),
-            TextColumn("episodes,"),
+            TextColumn("episodes{task.fields[left]},"),
             TimeElapsedColumn(),
-            TextColumn("{task.fields[left]}"),
         )
         self._bar = Progress(*columns, console=console, redirect_stdout=sys.stdout.isatty())
         self._bar_task = self._bar.add_task(title, total=total, left="")
 
     def __enter__(self) -> EpisodeProgress:
         """Show the bar."""
-        self._began = self._shown = self.clock()
+        self._shown = self.clock()
         if self.console.is_terminal:
             self._bar.start()
         return self
@@ -62,24 +62,31 @@ class EpisodeProgress:
 
     @property
     def seconds_left(self) -> float | None:
-        """What remains at the pace so far, s; None before the first new episode. Restored ones took no time."""
-        new = self.done - self.restored
-        return (self.clock() - self._began) / new * (self.total - self.done) if new else None
+        """What remains at the pace since the first new episode, s; None before the second.
+
+        So neither the start of processes nor the episodes of an earlier run count.
+        """
+        further = self.done - self.restored - 1
+        if self._first is None or further < 1:
+            return None
+        return (self.clock() - self._first) / further * (self.total - self.done)
 
     def advance(self, *, restored: bool = False) -> None:
         """Count one more episode; ``restored``: an earlier run did it."""
         self.done += 1
         self.restored += restored
-        self._bar.update(self._bar_task, completed=self.done, left=self._left())
         now = self.clock()
+        if self._first is None and not restored:
+            self._first = now
+        self._bar.update(self._bar_task, completed=self.done, left=self._left())
         if not self.console.is_terminal and not restored and now - self._shown >= self.interval:
             self._shown = now
             self.console.print(
-                f"{self.title}: {self.done} of {self.total} episodes, {self._left()}", highlight=False, soft_wrap=True
+                f"{self.title}: {self.done} of {self.total} episodes{self._left()}", highlight=False, soft_wrap=True
             )
 
     def _left(self) -> str:
-        return "" if self.seconds_left is None else f"about {show_time(self.seconds_left)} left"
+        return "" if self.seconds_left is None else f", about {show_time(self.seconds_left)} left"
 
 
 def show_time(seconds: float) -> str:

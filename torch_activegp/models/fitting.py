@@ -11,6 +11,7 @@ import torch
 from gpytorch.kernels import RBFKernel, ScaleKernel
 from gpytorch.priors import LogNormalPrior
 from linear_operator.utils.cholesky import psd_safe_cholesky
+from linear_operator.utils.errors import NanError, NotPSDError
 from scipy.optimize import minimize
 from torch import Tensor
 
@@ -213,7 +214,7 @@ class _Objective:
             p.grad = None
         try:
             value = self.loss()
-        except (gpytorch.utils.errors.NotPSDError, gpytorch.utils.errors.NanError):
+        except (NotPSDError, NanError):
             return _VERY_BAD, np.zeros_like(vector)
         if not bool(torch.isfinite(value)):
             return _VERY_BAD, np.zeros_like(vector)
