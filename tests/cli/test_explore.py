@@ -27,7 +27,7 @@ def test_a_run_writes_all_that_it_promises(run: Callable[..., Result], folder: P
     out = folder / "runs" / "explore-pendulum"
     stems = ("max_variance", "mse", "discrepancy", "figures")
     pictures = {f"{stem}.{kind}" for stem in stems for kind in ("png", "svg")}
-    others = {"metrics.csv", "summary.json", "settings.json", "discrepancy-0.pt"}
+    others = {"metrics.csv", "summary.json", "settings.json", "directed-0.pt"}
     assert {path.name for path in out.iterdir()} == pictures | others
     table = pd.read_csv(out / "metrics.csv")
     assert table["num_points"].tolist() == [2, 4]
@@ -123,15 +123,15 @@ def test_a_run_is_only_resumed_with_its_own_settings(
     for words, message in (
         (["pendulum", "--seed", "1"], "seed: 0 there, 1 now"),
         (["pendulum-brake"], "system: 'pendulum' there, 'pendulum-brake' now"),
-        (["pendulum", "--method", "sigma"], "method: 'discrepancy' there, 'sigma' now"),
+        (["pendulum", "--method", "sigma"], "method: 'directed' there, 'sigma' now"),
     ):
         result = run("explore", *words, "--episodes", "1", "--out", "out", "--resume", *TINY)
         assert result.exit_code == 2
         assert message in result.output
-    (folder / "out" / "discrepancy-0.pt").write_text("spoilt")
+    (folder / "out" / "directed-0.pt").write_text("spoilt")
     result = run("explore", "pendulum", "--episodes", "1", "--out", "out", "--resume", *TINY)
     assert result.exit_code == 2
-    assert "method discrepancy, seed 0: out/discrepancy-0.pt is not a readable checkpoint" in result.output
+    assert "method directed, seed 0: out/directed-0.pt is not a readable checkpoint" in result.output
 
 
 @pytest.mark.parametrize(

@@ -42,7 +42,7 @@ from torch_activegp.loops import ActiveLearning
 def explore(
     system: System = "pendulum",
     prior: Prior = None,
-    method: Annotated[str, typer.Option(help=f"How experiments are chosen: {', '.join(METHODS)}.")] = "discrepancy",
+    method: Annotated[str, typer.Option(help=f"How experiments are chosen: {', '.join(METHODS)}.")] = "directed",
     episodes: Episodes = 30,
     steps: Steps = 10,
     horizon: Horizon = 10,
@@ -53,8 +53,8 @@ def explore(
 ) -> None:
     """Learn a system by choosing its experiments, with an imperfect simulator as the prior.
 
-    Each episode starts where the model knows least and follows the plan that teaches most; what was learned is the
-    prior of the next episode.
+    Each episode starts where most can be learned and follows the plan that teaches most; what was learned is the prior
+    of the next episode.
 
     Example:  `torch-activegp explore pendulum --episodes 10 --out runs/first`
 
