@@ -117,7 +117,7 @@ def candidates_left(covariance: Tensor, rows: Tensor, returns: Tensor, size: int
         for factor, part in ((everything, rows), (few, rows[:, points]))
     )
     bound = returns + returns_between(low, high, returns.shape[0])
-    return int((bound >= returns.topk(ELITES).values[-1]).sum())
+    return int((bound >= returns.topk(ELITES).values[-1] - 1e-9).sum())  # rounding excludes none
 
 
 def near_points(inverse: Tensor, rows: Tensor, noise: float) -> Tensor:

@@ -3,20 +3,20 @@
 from __future__ import annotations
 
 import torch
-from torch import Tensor, nn
+from torch import Tensor
 
 from torch_activegp.acquisition.base import root_mean_square
-from torch_activegp.collectors.start import bounded_box, state_space_of
+from torch_activegp.collectors.episode_start import EpisodeStart
 from torch_activegp.errors import ConfigurationError
 from torch_activegp.models import DynamicsGP
 from torch_activegp.models.cached_posterior import CachedPosterior, Features
-from torch_activegp.simulators import ActionSpace, StateSpace
+from torch_activegp.simulators import ActionSpace
 
 _JITTER = 1e-8
 """Added to the relative noise, because two points of an episode may coincide."""
 
 
-class LargestErrorReductionStart(nn.Module):
+class LargestErrorReductionStart(EpisodeStart):
     """The start whose whole episode is expected to reduce the model's weighted error most.
 
     A point of large variance may lie in a corner and teach little about the rest. This start looks at what an episode
@@ -44,11 +44,6 @@ class LargestErrorReductionStart(nn.Module):
     Models* (ALC), here for a whole episode and with weights.
     """
 
-    gp: DynamicsGP
-    state_space: StateSpace
-    low: Tensor
-    high: Tensor
-
     def __init__(
         self,
         gp: DynamicsGP,
@@ -59,20 +54,14 @@ class LargestErrorReductionStart(nn.Module):
         num_references: int = 400,
         seed: int = 0,
     ) -> None:
-        super().__init__()
+        super().__init__(gp, action_space, seed)
         numbers = {"episode_length": episode_length, "num_starts": num_starts, "num_references": num_references}
         for name, value in numbers.items():
             if value < 1:
                 raise ConfigurationError(f"LargestErrorReductionStart: wanted {name} >= 1, found {value}.")
-        space = state_space_of(gp)
-        low, high = bounded_box(space, action_space)
-        self.register_buffer("low", low, persistent=False)
-        self.register_buffer("high", high, persistent=False)
-        self.__dict__.update(gp=gp, state_space=space)  # not submodules: the start does not own the model
         self.episode_length = episode_length
         self.num_starts = num_starts
         self.num_references = num_references
-        self.generator = torch.Generator().manual_seed(seed)
 
     @torch.no_grad()
     def forward(self) -> Tensor:
@@ -131,11 +120,3 @@ class LargestErrorReductionStart(nn.Module):
         factor = torch.linalg.cholesky(within + noise * torch.eye(self.episode_length).to(within))
         removed = torch.linalg.solve_triangular(factor, across.reshape(shape), upper=False).square().sum(1)
         return removed @ weight / self.num_references
-
-    def get_extra_state(self) -> Tensor:
-        """The generator's state, so that a resumed run draws the same starts."""
-        return self.generator.get_state()
-
-    def set_extra_state(self, state: Tensor) -> None:
-        """Restore the generator."""
-        self.generator.set_state(state.cpu())

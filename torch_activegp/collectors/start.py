@@ -5,20 +5,21 @@ from __future__ import annotations
 import torch
 from tensordict import TensorDict
 from tensordict.nn import TensorDictModuleBase
-from torch import Tensor, nn
+from torch import Tensor
 from torch.quasirandom import SobolEngine
 
 from torch_activegp import keys
 from torch_activegp.acquisition import Spread
+from torch_activegp.collectors.episode_start import EpisodeStart
 from torch_activegp.errors import ConfigurationError, PlanningError
 from torch_activegp.models import DynamicsGP, PosteriorModule
-from torch_activegp.simulators import ActionSpace, StateSpace
+from torch_activegp.simulators import ActionSpace
 
 _TRIALS = 16
 """Points tried around each refined point in each round."""
 
 
-class LargestScoreStart(nn.Module):
+class LargestScoreStart(EpisodeStart):
     """The state of the point (x, u) with the largest score; by default the largest variance, as in the paper.
 
     A scrambled Sobol set over states and actions is scored; the best points are then refined by local random search
@@ -48,11 +49,6 @@ class LargestScoreStart(nn.Module):
     Reference: Miller et al. 2024 (arXiv 2403.17233), algorithm 1.
     """
 
-    gp: DynamicsGP
-    state_space: StateSpace
-    low: Tensor
-    high: Tensor
-
     def __init__(
         self,
         gp: DynamicsGP,
@@ -64,20 +60,14 @@ class LargestScoreStart(nn.Module):
         num_rounds: int = 4,
         seed: int = 0,
     ) -> None:
-        super().__init__()
+        super().__init__(gp, action_space, seed)
         for name, value in (("num_candidates", num_candidates), ("num_refined", num_refined)):
             if value < 1:
                 raise ConfigurationError(f"LargestScoreStart: wanted {name} >= 1, found {value}.")
-        space = state_space_of(gp)
-        low, high = bounded_box(space, action_space)
-        self.register_buffer("low", low, persistent=False)
-        self.register_buffer("high", high, persistent=False)
-        self.__dict__.update(gp=gp, state_space=space)  # not submodules: the start does not own the model
         self.score = score
         self.num_candidates = num_candidates
         self.num_refined = min(num_refined, num_candidates)
         self.num_rounds = num_rounds
-        self.generator = torch.Generator().manual_seed(seed)
 
     @torch.no_grad()
     def forward(self) -> Tensor:
@@ -127,39 +117,3 @@ class LargestScoreStart(nn.Module):
         """Normalise quaternions and wrap angles of points ``(..., d + m)``."""
         d = self.state_space.dim
         return torch.cat([self.state_space.wrap(points[..., :d]), points[..., d:]], dim=-1)
-
-    def get_extra_state(self) -> Tensor:
-        """The generator's state, so that a resumed run draws the same starts."""
-        return self.generator.get_state()
-
-    def set_extra_state(self, state: Tensor) -> None:
-        """Restore the generator."""
-        self.generator.set_state(state.cpu())
-
-
-def state_space_of(gp: DynamicsGP) -> StateSpace:
-    """The names, bounds and angles of a GP's states.
-
-    Raises:
-        ConfigurationError: it has none.
-    """
-    space = gp.state_space
-    if not isinstance(space, StateSpace):
-        raise ConfigurationError("The GP has no state space. Pass DynamicsGP(..., state_space=StateSpace(...)).")
-    return space
-
-
-def bounded_box(space: StateSpace, action_space: ActionSpace) -> tuple[Tensor, Tensor]:
-    """The corners of the box of states and actions, each ``(d + m,)``.
-
-    Raises:
-        ConfigurationError: a bound is infinite.
-    """
-    low, high = torch.cat([space.low, action_space.low]), torch.cat([space.high, action_space.high])
-    if not bool(torch.isfinite(high - low).all()):
-        raise ConfigurationError(
-            f"Wanted finite bounds of states and actions, found low={low.tolist()}, "
-            f"high={high.tolist()}. Give the simulator bounds that cover what may be visited, or start at the "
-            "environment's own reset (start=None)."
-        )
-    return low, high

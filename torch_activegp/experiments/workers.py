@@ -1,25 +1,24 @@
-"""Worker processes that report as they go and are gone afterwards, whatever happens."""
+"""Independent jobs in several processes of joblib, which report as they go."""
 
 from __future__ import annotations
 
-import multiprocessing
 import signal
 import threading
-from collections.abc import Callable, Generator, Iterator, Sequence
-from contextlib import contextmanager
-from multiprocessing.connection import Connection, wait
-from multiprocessing.process import BaseProcess
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from concurrent.futures.process import BrokenProcessPool
+from contextlib import contextmanager, suppress
+from functools import partial
+from multiprocessing.connection import Client, Listener
 from typing import Any
 
 import torch
+from joblib import Parallel, delayed
+from joblib.externals.loky import get_reusable_executor
 
 from torch_activegp.errors import ActiveGPError
 
-_START = "spawn"
-"""How processes start; a forked torch may hang."""
-
-Work = Callable[[Any], Iterator[Any]]
-"""From a job to what it has to tell; both can be pickled."""
+Tell = Callable[[Any], None]
+"""Takes one message of a job."""
 
 
 @contextmanager
@@ -33,46 +32,80 @@ def one_thread() -> Iterator[None]:
         torch.set_num_threads(threads)
 
 
-def run_jobs(work: Work, jobs: Sequence[Any], num_processes: int) -> Generator[tuple[Any, Any]]:
+def run_jobs(
+    work: Callable[[Any], Iterable[Any]], jobs: Sequence[Any], num_processes: int, on_message: Tell = lambda _: None
+) -> dict[Any, list[Any]]:
     """Do independent jobs side by side.
 
-    Every job computes on one thread of torch, so its result does not depend on the number of processes. Leaving the
-    iteration early, also by an error or by Ctrl-C, ends the processes at once; so does the death of this one.
+    Every job computes on one thread of torch, so its result does not depend on the number of processes. An error and
+    Ctrl-C end the processes at once.
 
     Args:
-        work: called with each job.
-        jobs: what to do, in this order.
+        work: from a job to what it has to tell; like jobs and messages, it can be pickled if there are more processes.
+        jobs: what to do, in this order; hashable.
         num_processes: how many at once; with one, everything happens in this process.
+        on_message: takes each message of each job at once, in a thread if there are more processes.
 
-    Yields:
-        A job and one thing that it told, as it comes.
+    Returns:
+        What each job told.
 
     Raises:
         ActiveGPError: what a job raised, or a process died.
     """
-    if min(num_processes, len(jobs)) <= 1:
-        for job in jobs:
-            with one_thread():
-                yield from ((job, message) for message in work(job))
-        return
-    pool = [_start(work) for _ in range(min(num_processes, len(jobs)))]
+    num_processes = min(num_processes, len(jobs))
+    if num_processes <= 1:
+        return {job: _do(work, on_message, job)[1] for job in jobs}
     try:
-        yield from _serve(pool, list(jobs))
+        with _heard_by(on_message) as tell:
+            pool = Parallel(num_processes, backend="loky", return_as="generator_unordered", batch_size=1)
+            with _interrupts_ignored():  # the processes inherit this: Ctrl-C reaches only this one, which ends them
+                results = pool(delayed(_do)(work, tell, job) for job in jobs)
+            return dict(results)
+    except BrokenProcessPool as error:
+        raise ActiveGPError(
+            "A worker process was killed, often because memory ran out. Use fewer --jobs; --resume keeps every "
+            f"complete episode. ({str(error).splitlines()[-1]})"
+        ) from error
     finally:
-        for process, connection in pool:
-            process.kill()
-            process.join()
-            connection.close()
+        get_reusable_executor(reuse=True).shutdown(kill_workers=True)
 
 
-def _start(work: Work) -> tuple[BaseProcess, Connection]:
-    context: Any = multiprocessing.get_context(_START)
-    ours, theirs = context.Pipe()
-    process = context.Process(target=_worker, args=(work, theirs), daemon=True)
-    with _interrupts_ignored():  # a child inherits this, so Ctrl-C reaches only the parent, which ends the children
-        process.start()
-    theirs.close()
-    return process, ours
+def _do(work: Callable[[Any], Iterable[Any]], tell: Tell, job: Any) -> tuple[Any, list[Any]]:
+    messages = []
+    with one_thread():
+        for message in work(job):
+            tell(message)
+            messages.append(message)
+    return job, messages
+
+
+@contextmanager
+def _heard_by(on_message: Tell) -> Iterator[Tell]:
+    """A function that other processes can call; its argument goes to ``on_message`` in a thread of this one."""
+    with Listener(backlog=64) as listener:
+        thread = threading.Thread(target=_hear, args=(listener, on_message), daemon=True)
+        thread.start()
+        try:
+            yield partial(_tell, listener.address)
+        finally:
+            with suppress(OSError):  # the thread has ended with an error of its own
+                _tell(listener.address, None)
+            thread.join()
+
+
+def _hear(listener: Listener, on_message: Tell) -> None:
+    message: Any = ...
+    with listener:
+        while message is not None:
+            with suppress(EOFError, OSError), listener.accept() as connection:  # a process was killed as it spoke
+                message = connection.recv()
+                if message is not None:
+                    on_message(message)
+
+
+def _tell(address: Any, message: Any) -> None:
+    with Client(address) as connection:
+        connection.send(message)
 
 
 @contextmanager
@@ -85,48 +118,3 @@ def _interrupts_ignored() -> Iterator[None]:
         yield
     finally:
         signal.signal(signal.SIGINT, before)
-
-
-def _serve(pool: Sequence[tuple[BaseProcess, Connection]], jobs: list[Any]) -> Iterator[tuple[Any, Any]]:
-    processes: dict[Any, BaseProcess] = {connection: process for process, connection in pool}
-    busy: dict[Any, Any] = {}
-    for connection in processes:
-        busy[connection] = jobs.pop(0)
-        connection.send(busy[connection])
-    while busy:
-        ready: list[Any] = wait(list(busy))
-        for connection in ready:
-            try:
-                kind, message = connection.recv()
-            except (EOFError, ConnectionError) as error:
-                processes[connection].join()
-                raise ActiveGPError(
-                    f"The worker process for {busy[connection]} died (exit code {processes[connection].exitcode}; -9 "
-                    "often means that memory ran out). Use fewer --jobs; --resume keeps what is complete."
-                ) from error
-            if kind == "error":
-                raise message
-            if kind == "message":
-                yield busy[connection], message
-            elif jobs:
-                busy[connection] = jobs.pop(0)
-                connection.send(busy[connection])
-            else:
-                del busy[connection]
-
-
-def _worker(work: Work, connection: Connection) -> None:
-    torch.set_num_threads(1)
-    while True:
-        try:
-            job = connection.recv()
-        except EOFError:
-            return
-        try:
-            for message in work(job):
-                connection.send(("message", message))
-            connection.send(("done", None))
-        except BrokenPipeError:  # the parent is gone
-            return
-        except ActiveGPError as error:
-            connection.send(("error", error))

@@ -14,7 +14,7 @@ from torchrl.envs import EnvBase
 
 from torch_activegp import keys
 from torch_activegp.collectors import EpisodeCollector, LargestScoreStart
-from torch_activegp.collectors.start import state_space_of
+from torch_activegp.collectors.episode_start import state_space_of
 from torch_activegp.errors import CheckpointError, ConfigurationError
 from torch_activegp.loops.checkpoint import check_plain, load_checkpoint, save_checkpoint
 from torch_activegp.loops.held_out import HeldOutEpisodes

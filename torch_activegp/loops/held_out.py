@@ -8,7 +8,7 @@ from dataclasses import replace
 import torch
 from torch import Tensor
 
-from torch_activegp.collectors.start import state_space_of
+from torch_activegp.collectors.episode_start import state_space_of
 from torch_activegp.models import DynamicsGP, GuardReport, HeldOutGuard
 
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import torch
 from torch import Tensor
 
-from torch_activegp.collectors.start import state_space_of
+from torch_activegp.collectors.episode_start import state_space_of
 from torch_activegp.models import DynamicsGP
 from torch_activegp.simulators import ActionSpace
 
