@@ -4,9 +4,7 @@ from __future__ import annotations
 
 import os
 import time
-from collections import defaultdict
-from collections.abc import Iterable, Sequence
-from contextlib import closing
+from collections.abc import Sequence
 from functools import partial
 from pathlib import Path
 from typing import Annotated, Any
@@ -35,8 +33,6 @@ from torch_activegp.experiments import (
     METHODS,
     Budget,
     GridEvaluation,
-    Step,
-    Trial,
     check_claims,
     draw_figures,
     make_trials,
@@ -47,7 +43,6 @@ from torch_activegp.experiments.claims import claims_as_dicts, claims_as_markdow
 from torch_activegp.experiments.methods import PAPER_METHODS
 from torch_activegp.experiments.output import check_output, open_output, write_json, write_table, write_text
 from torch_activegp.experiments.study import METRICS
-from torch_activegp.loops import EpisodeRecord
 
 _MAY_GROW = ("episodes", "trials", "methods")
 _COLOURS = {"held": "green", "not held": "red", "not distinguishable yet": "yellow"}
@@ -106,20 +101,17 @@ def figures(
         console.print(f"{task.name}: {task.description}", highlight=False, soft_wrap=True)
     schedule = make_trials(names, trials, seed)
     with interruptible(folder):
-        study = run_study(make_task, schedule, budget, folder / "trials", num_jobs=jobs or os.cpu_count() or 1)
-        with closing(study):
-            table = records_table(_collect(study, episodes * len(schedule)), names)
+        with EpisodeProgress(console, "running", episodes * len(schedule)) as progress:
+            records = run_study(
+                make_task,
+                schedule,
+                budget,
+                folder / "trials",
+                num_jobs=jobs or os.cpu_count() or 1,
+                on_step=lambda step: progress.advance(restored=step.restored),
+            )
+        table = records_table(records, names)
         _write(folder, table, settings, unit=task.unit, prior_mse=prior_mse, began=began)
-
-
-def _collect(study: Iterable[Step], total: int) -> dict[Trial, list[EpisodeRecord]]:
-    """Run a study to its end under a progress bar."""
-    records: dict[Trial, list[EpisodeRecord]] = defaultdict(list)
-    with EpisodeProgress(console, "running", total) as progress:
-        for step in study:
-            records[step.trial].append(step.record)
-            progress.advance(restored=step.restored)
-    return records
 
 
 def _write(

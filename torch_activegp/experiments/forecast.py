@@ -11,10 +11,10 @@ from tensordict import TensorDict
 from torch import Tensor
 
 from torch_activegp.keys import ACTION, STATE
-from torch_activegp.simulators import Simulator
+from torch_activegp.simulators import Simulator, StateSpace
 
 KINDS = ("one_step", "window", "free_run")
-"""The three forecasts: each step from the recorded state; windows from recorded states; the whole run from its first."""
+"""The forecasts: each step from its recorded state; windows from theirs; the whole run from its first state."""
 
 
 @dataclass(frozen=True)
@@ -43,7 +43,7 @@ class Forecast:
         window: over consecutive windows, each from the recorded state at its start.
         free_run: over whole runs, from the first state of each.
         free_states: what the free runs gave, ``(T, d)`` for each run.
-        window_states: what the windows gave, ``(T', d)`` for each run; what no whole window covers is left out.
+        window_states: what the windows gave, ``(windows, length, d)`` for each run; a shorter rest is left out.
     """
 
     one_step: Errors
@@ -80,15 +80,12 @@ def forecast(simulator: Simulator, runs: Sequence[TensorDict], window: float, sc
     lengths = [max(1, min(len(run), round(window / simulator.dt))) for run in runs]
     windows = [_windows(simulator, run, length) for run, length in zip(runs, lengths, strict=True)]
     free = [_windows(simulator, run, len(run)) for run in runs]
-    kinds = []
-    for predicted in (steps, windows, free):
-        errors = [_difference(space, states, target) for states, target in zip(predicted, targets, strict=True)]
-        kinds.append(_summary(simulator, errors, scale))
-    return Forecast(
-        *kinds,
-        free_states=tuple(states.flatten(0, 1) for states in free),
-        window_states=tuple(states.flatten(0, 1) for states in windows),
+    one_step, window_errors, free_run = (
+        _summary(simulator, [_difference(space, *pair) for pair in zip(predicted, targets, strict=True)], scale)
+        for predicted in (steps, windows, free)
     )
+    free_states = tuple(states.squeeze(0) for states in free)
+    return Forecast(one_step, window_errors, free_run, free_states, tuple(windows))
 
 
 def _windows(simulator: Simulator, run: TensorDict, length: int) -> Tensor:
@@ -99,7 +96,7 @@ def _windows(simulator: Simulator, run: TensorDict, length: int) -> Tensor:
     return simulator.rollout(start, actions)
 
 
-def _difference(space: torch.nn.Module, predicted: Tensor, target: Tensor) -> Tensor:
+def _difference(space: StateSpace, predicted: Tensor, target: Tensor) -> Tensor:
     count, length = predicted.shape[:2]
     return space.difference(predicted, target[: count * length].reshape(count, length, -1))
 

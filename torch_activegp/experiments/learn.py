@@ -170,8 +170,8 @@ def _fit(
     shifts = math.ceil(_OVERSAMPLE * max_points * simulator.dt / seconds)
     data = [transitions_of(recording, simulator, shifts) for recording in train]
     kept = [_guard_rows(run["time"], simulator.dt) for run in data]
-    taught = torch.cat([run[~rows] for run, rows in zip(data, kept, strict=True)])
-    unseen = torch.cat([run[rows] for run, rows in zip(data, kept, strict=True)])
+    taught: TensorDict = torch.cat([run[~rows] for run, rows in zip(data, kept, strict=True)])
+    unseen: TensorDict = torch.cat([run[rows] for run, rows in zip(data, kept, strict=True)])
     if len(taught) < _FEWEST or not len(unseen):
         raise DataError(
             f"{', '.join(recording.label for recording in train)}: too short, {len(taught)} transitions of "

@@ -71,7 +71,7 @@ def load_learned(path: str | Path, model: str | None = None) -> LearnedSimulator
     probe = _predict(learned, inputs[:_PROBES])
     if not torch.allclose(probe, content["probe"], rtol=1e-6, atol=1e-9):
         raise CheckpointError(
-            f"{path}: `{name}` predicts something else than when it was learned with, so it has changed since. Name the "
+            f"{path}: `{name}` predicts something else than when it was learned with, so it has changed. Name the "
             "simulator that was learned with, or learn again."
         )
     return learned

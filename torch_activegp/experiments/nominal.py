@@ -16,8 +16,8 @@ _SAME = 1e-6
 def nominal_simulator(model: str, dt: float | None = None, *, external_force: bool = False) -> Simulator:
     """The simulator that a user names, brought to a time step.
 
-    An MJCF model takes any step: as many of its own time steps as fit, made slightly shorter where ``dt`` is no multiple
-    of them. A factory's simulator has the step that its author gave it.
+    An MJCF model takes any step: as many of its own time steps as are needed, a little shortened where ``dt`` is no
+    multiple of them. A factory's simulator has the step that its author gave it.
 
     Args:
         model: an MJCF file, ``package.module:factory``, or ``emps``, the nominal model of the EMPS benchmark.
@@ -47,14 +47,14 @@ def _check(simulator: Simulator, dt: float | None, name: str) -> None:
     """Check that recordings at a time step can drive a simulator."""
     if dt is not None and abs(dt - simulator.dt) > _SAME * simulator.dt:
         raise ConfigurationError(
-            f"`{name}` steps by {simulator.dt:.6g} s, and --dt asks for {dt:.6g} s. Leave --dt out, or make the simulator "
-            "at that step."
+            f"`{name}` steps by {simulator.dt:.6g} s, and --dt asks for {dt:.6g} s. Leave --dt out, or make the "
+            "simulator at that step."
         )
     inner = [state for state in simulator.state_space.names if state.startswith("act.")]
     if inner:
         raise ConfigurationError(
-            f"`{name}` has actuators with inner states ({', '.join(inner)}), which recordings do not hold. Use actuators "
-            "without dynamics (dyntype none)."
+            f"`{name}` has actuators with inner states ({', '.join(inner)}), which recordings do not hold. Use "
+            "actuators without dynamics (dyntype none)."
         )
     names = (*simulator.state_space.names, *simulator.action_space.names)
     strange = [name for name in names if not name.startswith(("qpos.", "qvel.", "ctrl.", "qfrc."))]

@@ -146,7 +146,8 @@ def transitions_of(recording: Recording, simulator: Simulator, shifts: int = 1) 
         DataError: the run is too short, its own step is too long, or a column is missing.
     """
     rows = max(1, round(simulator.dt / recording.dt))
-    starts = sorted({index * rows // shifts for index in range(min(shifts, rows))})
+    shifts = min(max(shifts, 1), rows)
+    starts = [index * rows // shifts for index in range(shifts)]
     clocks = [from_row(recording, start) for start in starts if start == 0 or len(recording) - start > MIN_ROWS * rows]
     parts = [
         to_transitions(

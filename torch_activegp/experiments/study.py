@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Generator, Iterator, Mapping, Sequence
-from contextlib import closing, contextmanager
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
@@ -99,7 +99,8 @@ def run_study(
     folder: Path,
     *,
     num_jobs: int = 1,
-) -> Generator[Step]:
+    on_step: Callable[[Step], None] = lambda _: None,
+) -> dict[Trial, list[EpisodeRecord]]:
     """Run all trials; what is complete in ``folder`` costs nothing.
 
     The results do not depend on ``num_jobs``.
@@ -110,13 +111,17 @@ def run_study(
         budget: length and planner settings.
         folder: for the checkpoints.
         num_jobs: processes.
+        on_step: called with each episode, as it finishes; in a thread if ``num_jobs`` is not 1.
 
-    Yields:
-        Each episode, as it finishes.
+    Returns:
+        The records of each trial.
+
+    Raises:
+        ActiveGPError: a trial failed, or a process was killed.
     """
     work = partial(run_trial, make_task, budget, folder)
-    with closing(run_jobs(work, trials, num_jobs)) as steps:
-        yield from (step for _, step in steps)
+    steps = run_jobs(work, trials, num_jobs, on_step)
+    return {trial: [step.record for step in steps[trial]] for trial in trials}
 
 
 def make_trials(methods: Sequence[str], num_trials: int, first_seed: int = 0) -> list[Trial]:

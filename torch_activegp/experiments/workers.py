@@ -18,7 +18,7 @@ from joblib.externals.loky import get_reusable_executor
 from torch_activegp.errors import ActiveGPError
 
 Tell = Callable[[Any], None]
-"""Takes one message of a job."""
+"""Takes a message of a job."""
 
 
 @contextmanager
@@ -33,38 +33,38 @@ def one_thread() -> Iterator[None]:
 
 
 def run_jobs(
-    work: Callable[[Any], Iterable[Any]], jobs: Sequence[Any], num_processes: int, on_message: Tell = lambda _: None
+    work: Callable[[Any], Iterable[Any]], jobs: Sequence[Any], num_processes: int, tell: Tell = lambda _: None
 ) -> dict[Any, list[Any]]:
     """Do independent jobs side by side.
 
-    Every job computes on one thread of torch, so its result does not depend on the number of processes. An error and
-    Ctrl-C end the processes at once.
+    Every job computes on one thread of torch, so its result does not depend on the number of processes. The processes
+    end with the jobs, and at once at an error or at Ctrl-C.
 
     Args:
-        work: from a job to what it has to tell; like jobs and messages, it can be pickled if there are more processes.
+        work: from a job to its messages; like these, it can be pickled if there is more than one process.
         jobs: what to do, in this order; hashable.
         num_processes: how many at once; with one, everything happens in this process.
-        on_message: takes each message of each job at once, in a thread if there are more processes.
+        tell: called with each message as it comes, in a thread of this process if there are others.
 
     Returns:
-        What each job told.
+        The messages of each job.
 
     Raises:
-        ActiveGPError: what a job raised, or a process died.
+        ActiveGPError: what a job raised, or a process was killed.
     """
     num_processes = min(num_processes, len(jobs))
     if num_processes <= 1:
-        return {job: _do(work, on_message, job)[1] for job in jobs}
+        return dict(_do(work, tell, job) for job in jobs)
     try:
-        with _heard_by(on_message) as tell:
+        with _heard_by(tell) as tell_parent:
             pool = Parallel(num_processes, backend="loky", return_as="generator_unordered", batch_size=1)
-            with _interrupts_ignored():  # the processes inherit this: Ctrl-C reaches only this one, which ends them
-                results = pool(delayed(_do)(work, tell, job) for job in jobs)
+            with _interrupts_ignored():
+                results = pool(delayed(_do)(work, tell_parent, job) for job in jobs)
             return dict(results)
     except BrokenProcessPool as error:
         raise ActiveGPError(
-            "A worker process was killed, often because memory ran out. Use fewer --jobs; --resume keeps every "
-            f"complete episode. ({str(error).splitlines()[-1]})"
+            "A worker process was killed, as happens when memory runs out. Use fewer --jobs; --resume keeps every "
+            "complete episode."
         ) from error
     finally:
         get_reusable_executor(reuse=True).shutdown(kill_workers=True)
@@ -80,36 +80,37 @@ def _do(work: Callable[[Any], Iterable[Any]], tell: Tell, job: Any) -> tuple[Any
 
 
 @contextmanager
-def _heard_by(on_message: Tell) -> Iterator[Tell]:
-    """A function that other processes can call; its argument goes to ``on_message`` in a thread of this one."""
+def _heard_by(tell: Tell) -> Iterator[Tell]:
+    """A function for other processes that calls one of this process, in a thread."""
     with Listener(backlog=64) as listener:
-        thread = threading.Thread(target=_hear, args=(listener, on_message), daemon=True)
+        thread = threading.Thread(target=_hear, args=(listener, tell), daemon=True)
         thread.start()
         try:
-            yield partial(_tell, listener.address)
+            yield partial(_send, listener.address)
         finally:
-            with suppress(OSError):  # the thread has ended with an error of its own
-                _tell(listener.address, None)
+            with suppress(OSError):  # the thread ended at an error of `tell`
+                _send(listener.address, None)
             thread.join()
 
 
-def _hear(listener: Listener, on_message: Tell) -> None:
+def _hear(listener: Listener, tell: Tell) -> None:
     message: Any = ...
     with listener:
         while message is not None:
             with suppress(EOFError, OSError), listener.accept() as connection:  # a process was killed as it spoke
                 message = connection.recv()
                 if message is not None:
-                    on_message(message)
+                    tell(message)
 
 
-def _tell(address: Any, message: Any) -> None:
+def _send(address: Any, message: Any) -> None:
     with Client(address) as connection:
         connection.send(message)
 
 
 @contextmanager
 def _interrupts_ignored() -> Iterator[None]:
+    """Processes that start now leave Ctrl-C to this one, which ends them."""
     if threading.current_thread() is not threading.main_thread():
         yield
         return

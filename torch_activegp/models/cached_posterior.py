@@ -80,13 +80,13 @@ class CachedPosterior:
         self.num_outputs = targets.shape[-1]
         self.inputs = inputs
         self._inner, self._outer_terms = self._split_mean()
-        size = inputs.shape[0]
-        covariance = torch.diag_embed(noise.unsqueeze(-1).expand(-1, size))
+        covariance = noise.new_zeros(noise.shape[0], 0, 0)
         residual = self._split_heads(targets)
         self._function: KernelFunction | None = None
-        if size:
+        if inputs.shape[0]:
             self._function = kernel_function(kernel, inputs)
-            covariance = covariance + self._function.cross(inputs)
+            covariance = self._function.cross(inputs).expand(noise.shape[0], -1, -1).contiguous()
+            covariance.diagonal(dim1=-2, dim2=-1).add_(noise.unsqueeze(-1))
             residual = self._split_heads(targets - predict_mean(mean_module, inputs, self.num_outputs))
         self.factor = InverseFactor(covariance)
         self._whitened = self.factor.inverse @ residual
