@@ -65,6 +65,18 @@ def test_a_study_can_grow(run: Callable[..., Result], folder: Path, no_pictures:
         assert message in result.output
 
 
+def test_a_factory_that_fails_in_a_worker_is_one_message(
+    run: Callable[..., Result], folder: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(figures_module, "load_task", tasks.load_task)
+    (folder / "once.py").write_text(ONCE)
+    result = run("figures", "once:make", "--trials", "1", "--episodes", "1", "--jobs", "2", "--out", "out", *TINY)
+    assert result.exit_code == 2
+    assert result.output.count("Error:") == 1
+    assert "`once:make` raised OSError: only one process has the licence" in result.output
+    assert "Traceback" not in result.output
+
+
 def test_two_processes_end_at_ctrl_c_and_one_finishes_the_same_table(
     run: Callable[..., Result], folder: Path, no_pictures: None
 ) -> None:

@@ -2,7 +2,6 @@ from __future__ import annotations
 
 from pathlib import Path
 
-import pandas as pd
 import pytest
 import torch
 
@@ -36,13 +35,6 @@ def record(index: int, value: float) -> EpisodeRecord:
     return EpisodeRecord(index, 10 * index, 0.0, 0.0, 9.9, (1.0,), metrics)
 
 
-def table_of(steps: list[Step], methods: list[str]) -> pd.DataFrame:
-    results: dict[Trial, list[EpisodeRecord]] = {}
-    for step in steps:
-        results.setdefault(step.trial, []).append(step.record)
-    return records_table(results, methods)
-
-
 def test_first_trials_come_first_and_seeds_count_up() -> None:
     trials = [(trial.method, trial.seed) for trial in make_trials(["a", "b"], 2, first_seed=7)]
     assert trials == [("a", 7), ("b", 7), ("a", 8), ("b", 8)]
@@ -61,19 +53,27 @@ def test_the_table_has_the_given_order_whatever_finished_first() -> None:
 
 
 def test_a_study_gives_the_same_table_whole_or_cut(tmp_path: Path) -> None:
-    trials = make_trials(["discrepancy", "sigma"], 1)
     methods = ["discrepancy", "sigma"]
+    trials = make_trials(methods, 1)
     threads = torch.get_num_threads()
-    whole = list(run_study(small_pendulum, trials, TINY, tmp_path / "a"))
-    cut = run_study(small_pendulum, trials, TINY, tmp_path / "b")
-    assert not next(cut).restored
-    cut.close()
+
+    def cut(step: Step) -> None:
+        raise KeyboardInterrupt
+
+    whole = run_study(small_pendulum, trials, TINY, tmp_path / "a")
+    with pytest.raises(KeyboardInterrupt):
+        run_study(small_pendulum, trials, TINY, tmp_path / "b", on_step=cut)
     assert torch.get_num_threads() == threads
-    rest = list(run_study(small_pendulum, trials, TINY, tmp_path / "b"))
-    assert [step.restored for step in rest] == [True, False, False, False]
-    assert table_of(rest, methods).to_csv() == table_of(whole, methods).to_csv()
-    again = list(run_study(small_pendulum, trials, TINY, tmp_path / "b"))
-    assert all(step.restored for step in again)
+    steps: list[Step] = []
+    rest = run_study(small_pendulum, trials, TINY, tmp_path / "b", on_step=steps.append)
+    assert [(step.trial.method, step.record.index, step.restored) for step in steps] == [
+        ("discrepancy", 1, True),
+        ("discrepancy", 2, False),
+        ("sigma", 1, False),
+        ("sigma", 2, False),
+    ]
+    assert records_table(rest, methods).to_csv() == records_table(whole, methods).to_csv()
+    assert rest == {trial: [step.record for step in steps if step.trial == trial] for trial in trials}
 
 
 def test_a_damaged_checkpoint_names_the_trial(tmp_path: Path) -> None:

@@ -2,10 +2,8 @@ from __future__ import annotations
 
 import os
 import signal
-import subprocess
 import sys
 import threading
-import time
 from collections.abc import Iterator
 from importlib import import_module
 from pathlib import Path
@@ -14,7 +12,6 @@ from types import ModuleType
 import pytest
 import torch
 
-import torch_activegp
 from torch_activegp.errors import ActiveGPError, SimulationError
 from torch_activegp.experiments.workers import one_thread, run_jobs
 
@@ -87,7 +84,8 @@ def test_messages_come_at_once_and_an_error_ends_the_others(jobs: ModuleType) ->
     heard: list[tuple[str, int]] = []
     with pytest.raises(SimulationError, match="^the plant is on fire$"):
         run_jobs(jobs.work, ["sleep", "fail"], 2, heard.append)
-    assert ("fail" in dict(heard)) and not any(alive(pid) for _, pid in heard)
+    assert "fail" in dict(heard)
+    assert not any(alive(pid) for _, pid in heard)
 
 
 def test_a_killed_process_is_one_message_that_says_what_to_do_also_in_a_thread(jobs: ModuleType) -> None:

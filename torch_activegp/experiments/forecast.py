@@ -11,7 +11,7 @@ from tensordict import TensorDict
 from torch import Tensor
 
 from torch_activegp.keys import ACTION, STATE
-from torch_activegp.simulators import Simulator, StateSpace
+from torch_activegp.simulators import Simulator
 
 KINDS = ("one_step", "window", "free_run")
 """The forecasts: each step from its recorded state; windows from theirs; the whole run from its first state."""
@@ -74,45 +74,47 @@ def forecast(simulator: Simulator, runs: Sequence[TensorDict], window: float, sc
         0.0
     """
     scale = signal_scale(simulator, [run["next", STATE] for run in runs]) if scale is None else scale
-    space = simulator.state_space
-    targets = [run["next", STATE] for run in runs]
-    steps = [simulator.step(run[STATE], run[ACTION]).unsqueeze(1) for run in runs]
     lengths = [max(1, min(len(run), round(window / simulator.dt))) for run in runs]
-    windows = [_windows(simulator, run, length) for run, length in zip(runs, lengths, strict=True)]
-    free = [_windows(simulator, run, len(run)) for run in runs]
-    one_step, window_errors, free_run = (
-        _summary(simulator, [_difference(space, *pair) for pair in zip(predicted, targets, strict=True)], scale)
-        for predicted in (steps, windows, free)
-    )
-    free_states = tuple(states.squeeze(0) for states in free)
-    return Forecast(one_step, window_errors, free_run, free_states, tuple(windows))
+    steps, _ = window_errors(simulator, [_cut(run, 1) for run in runs], scale)
+    windows, window_states = window_errors(simulator, list(map(_cut, runs, lengths)), scale)
+    free, free_states = window_errors(simulator, [_cut(run, len(run)) for run in runs], scale)
+    return Forecast(steps, windows, free, tuple(states.squeeze(0) for states in free_states), window_states)
 
 
-def _windows(simulator: Simulator, run: TensorDict, length: int) -> Tensor:
-    """Forecasts of consecutive windows, ``(windows, length, d)``."""
-    count = len(run) // length
-    start = run[STATE][: count * length : length]
-    actions = run[ACTION][: count * length].reshape(count, length, -1)
-    return simulator.rollout(start, actions)
+@torch.no_grad()
+def window_errors(
+    simulator: Simulator, windows: Sequence[TensorDict], scale: Tensor
+) -> tuple[Errors, tuple[Tensor, ...]]:
+    """Forecast windows from the recorded state at the start of each, with the recorded controls.
 
+    Args:
+        simulator: the model.
+        windows: transitions in order, ``(number of windows, length)``; all enter the errors together.
+        scale: unit of normalised errors, ``(d,)``.
 
-def _difference(space: StateSpace, predicted: Tensor, target: Tensor) -> Tensor:
-    count, length = predicted.shape[:2]
-    return space.difference(predicted, target[: count * length].reshape(count, length, -1))
-
-
-def _summary(simulator: Simulator, errors: Sequence[Tensor], scale: Tensor) -> Errors:
-    names = simulator.state_space.names
+    Returns:
+        The errors, and the predicted states, ``(number of windows, length, d)`` each.
+    """
+    predicted = [simulator.rollout(part[STATE][:, 0], part[ACTION]) for part in windows]
+    space, names = simulator.state_space, simulator.state_space.names
+    errors = [space.difference(states, part["next", STATE]) for states, part in zip(predicted, windows, strict=True)]
     rmse = torch.cat([error.flatten(0, 1) for error in errors]).square().mean(0).sqrt()
     rmse = rmse.nan_to_num(math.inf, math.inf)
     nrmse = rmse / scale
     bad = [index for error in errors for index in (~error.isfinite().all(-1)).nonzero()[:, 1].tolist()]
-    return Errors(
+    summary = Errors(
         rmse=dict(zip(names, rmse.tolist(), strict=True)),
         nrmse=dict(zip(names, nrmse.tolist(), strict=True)),
         position_nrmse=float(nrmse[positions_of(simulator)].square().mean().sqrt()),
         diverged_after=(min(bad) + 1) * simulator.dt if bad else None,
     )
+    return summary, tuple(predicted)
+
+
+def _cut(run: TensorDict, length: int) -> TensorDict:
+    """Consecutive windows of a run, ``(number of windows, length)``; a rest that is shorter is left out."""
+    count = len(run) // length
+    return run[: count * length].reshape(count, length)
 
 
 def positions_of(simulator: Simulator) -> list[int]:

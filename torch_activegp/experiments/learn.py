@@ -24,6 +24,7 @@ from torch_activegp.experiments.recorded import (
     transitions_of,
     with_velocities,
 )
+from torch_activegp.experiments.window_guard import cut_windows, guard_windows
 from torch_activegp.keys import ACTION, STATE
 from torch_activegp.means import EpisodicMean, SimulatorMean
 from torch_activegp.models import (
@@ -55,7 +56,10 @@ class Learned:
         simulator: the simulator alone, at the model's time step.
         learned: simulator + GP.
         fit: what the fit of the hyper-parameters arrived at.
-        guard: errors on the part of the training data that the guard kept; it shrinks the correction where it hurts.
+        guard: one-step errors on the part of the training data that the guard kept; where it hurts, the correction of a
+            state is shrunk.
+        window_guard: a sentence about windows of the same part: whether they were forecast worse than by the simulator
+            alone, and the correction was shrunk for it.
         before: the simulator's forecast of the held-out runs.
         after: that of simulator + GP.
         runs: the held-out runs as transitions; ``time`` begins at 0.
@@ -71,6 +75,7 @@ class Learned:
     learned: LearnedSimulator
     fit: FitResult
     guard: GuardReport
+    window_guard: str
     before: Forecast
     after: Forecast
     runs: tuple[TensorDict, ...]
@@ -133,6 +138,7 @@ def learn(
         f"Time step {simulator.dt:.6g} s; learned from {learned.gp.num_points} transitions of "
         f"{', '.join(recording.label for recording in train)}."
     )
+    learned, window_guard = _guard_windows(simulator, learned, train)
     runs = [transitions_of(recording, simulator) for recording in test]
     scale = signal_scale(simulator, [run[STATE] for run in runs])
     return Learned(
@@ -142,6 +148,7 @@ def learn(
         learned=learned,
         fit=fit,
         guard=guard,
+        window_guard=window_guard,
         before=forecast(simulator, runs, WINDOW, scale),
         after=forecast(learned, runs, WINDOW, scale),
         runs=tuple(runs),
@@ -169,7 +176,7 @@ def _fit(
     seconds = sum(float(recording.time[-1] - recording.time[0]) for recording in train)
     shifts = math.ceil(_OVERSAMPLE * max_points * simulator.dt / seconds)
     data = [transitions_of(recording, simulator, shifts) for recording in train]
-    kept = [_guard_rows(run["time"], simulator.dt) for run in data]
+    kept = [_guard_rows(recording, run["time"], simulator.dt) for recording, run in zip(train, data, strict=True)]
     taught: TensorDict = torch.cat([run[~rows] for run, rows in zip(data, kept, strict=True)])
     unseen: TensorDict = torch.cat([run[rows] for run, rows in zip(data, kept, strict=True)])
     if len(taught) < _FEWEST or not len(unseen):
@@ -189,9 +196,19 @@ def _fit(
     return LearnedSimulator(gp, simulator.action_space, simulator.dt, report.trust), fit, report
 
 
-def _guard_rows(time: Tensor, dt: float) -> Tensor:
+def _guard_windows(
+    simulator: Simulator, learned: LearnedSimulator, train: Sequence[Recording]
+) -> tuple[LearnedSimulator, str]:
+    runs = [transitions_of(recording, simulator) for recording in train]
+    kept = [_guard_rows(recording, run["time"], simulator.dt) for recording, run in zip(train, runs, strict=True)]
+    scale = signal_scale(simulator, [run[STATE] for run in runs])
+    return guard_windows(simulator, learned, cut_windows(runs, kept), scale)
+
+
+def _guard_rows(recording: Recording, time: Tensor, dt: float) -> Tensor:
     """Which transitions of a run the guard keeps: every fifth block of a second, or of a tenth of a short run."""
-    block = max(min(WINDOW, float(time.max()) / _BLOCKS), dt)
+    duration = float(recording.time[-1] - recording.time[0])
+    block = max(min(WINDOW, duration / _BLOCKS), dt)
     return torch.floor(time / block + 1e-6).long() % _EVERY == _KEPT
 
 

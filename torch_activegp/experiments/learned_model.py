@@ -11,6 +11,7 @@ from torch_activegp.experiments.learn import Learned, build_gp
 from torch_activegp.experiments.nominal import nominal_simulator
 from torch_activegp.loops.checkpoint import load_checkpoint, save_checkpoint
 from torch_activegp.models import LearnedSimulator
+from torch_activegp.simulators import Simulator
 
 _SETTINGS = {"kind": "learned simulator"}
 _PROBES = 16
@@ -28,13 +29,12 @@ def save_learned(path: Path, outcome: Learned) -> None:
     """
     gp = outcome.learned.gp
     model = Path(outcome.model).resolve() if Path(outcome.model).is_file() else outcome.model
-    probe = gp.inputs[:_PROBES]
     content = {
         "model": str(model),
         "dt": outcome.simulator.dt,
         "external_force": outcome.external_force,
         "state_dict": outcome.learned.state_dict(),
-        "probe": _predict(outcome.learned, probe),
+        "probe": _predict(outcome.simulator, gp.inputs[:_PROBES]),
     }
     save_checkpoint(path, _SETTINGS, content)
 
@@ -68,8 +68,7 @@ def load_learned(path: str | Path, model: str | None = None) -> LearnedSimulator
     gp = build_gp(simulator, inputs.amin(0), inputs.amax(0))
     learned = LearnedSimulator(gp, simulator.action_space, simulator.dt)
     learned.load_state_dict(state)
-    probe = _predict(learned, inputs[:_PROBES])
-    if not torch.allclose(probe, content["probe"], rtol=1e-6, atol=1e-9):
+    if not torch.allclose(_predict(simulator, inputs[:_PROBES]), content["probe"], rtol=1e-6, atol=1e-9):
         raise CheckpointError(
             f"{path}: `{name}` predicts something else than when it was learned with, so it has changed. Name the "
             "simulator that was learned with, or learn again."
@@ -78,6 +77,6 @@ def load_learned(path: str | Path, model: str | None = None) -> LearnedSimulator
 
 
 @torch.no_grad()
-def _predict(learned: LearnedSimulator, inputs: torch.Tensor) -> torch.Tensor:
-    states, actions = inputs.split([learned.state_dim, learned.action_dim], dim=-1)
-    return learned.step(states, actions)
+def _predict(simulator: Simulator, inputs: torch.Tensor) -> torch.Tensor:
+    states, actions = inputs.split([simulator.state_dim, simulator.action_dim], dim=-1)
+    return simulator.step(states, actions)

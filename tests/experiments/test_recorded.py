@@ -1,0 +1,140 @@
+from __future__ import annotations
+
+import math
+from pathlib import Path
+
+import pytest
+import torch
+
+from torch_activegp.data import Recording
+from torch_activegp.errors import DataError
+from torch_activegp.experiments.nominal import nominal_simulator
+from torch_activegp.experiments.recorded import (
+    check_apart,
+    check_columns_known,
+    from_row,
+    load_named,
+    set_aside,
+    transitions_of,
+    with_velocities,
+)
+
+
+def ramp(name: str = "ramp", rows: int = 40, **columns: torch.Tensor) -> Recording:
+    time = torch.arange(rows).double() * 0.005
+    plain = {"time": time + 7.0, "qpos.slide": 2.0 * time, "qvel.slide": 0 * time + 2, "ctrl.push": torch.arange(rows)}
+    return Recording.from_columns(name, plain | columns)
+
+
+def test_files_patterns_and_data_sets_are_loaded_in_order(tmp_path: Path, recordings_dir: Path) -> None:
+    for name in ("b", "a"):
+        (tmp_path / f"{name}.csv").write_text("time,qpos.x\n0,0\n1,1\n2,2\n3,4\n")
+    names = [run.name for run in load_named([str(tmp_path / "*.csv"), "emps:test", str(tmp_path / "b.csv")])]
+    assert names == ["a.csv", "b.csv", "DATA_EMPS_PULSES.mat", "b.csv"]
+
+
+@pytest.mark.parametrize(
+    ("word", "message"),
+    [
+        ("emps:trian", "EMPS has no split `trian`"),
+        ("silverbox:train", "unknown data set `silverbox:train`: emps:train or emps:test wanted"),
+        ("nowhere.csv", "nowhere.csv: no such file"),
+    ],
+)
+def test_an_unknown_name_is_refused(word: str, message: str) -> None:
+    with pytest.raises(DataError, match=message):
+        load_named([word])
+
+
+def test_a_file_with_a_colon_is_a_file(tmp_path: Path, monkeypatch) -> None:
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "run:1").mkdir()
+    with pytest.raises(DataError, match="no TensorDict memmap"):
+        load_named(["run:1"])
+
+
+@pytest.mark.parametrize(("runs", "held_out"), [(2, 1), (5, 1), (8, 2), (10, 2)])
+def test_a_fifth_of_the_runs_is_set_aside(runs: int, held_out: int) -> None:
+    kept, aside, note = set_aside([ramp(f"run{index}") for index in range(runs)])
+    assert [run.name for run in kept + aside] == [f"run{index}" for index in range(runs)]
+    assert len(aside) == held_out
+    assert note.startswith(f"Held out: run{runs - held_out}")
+
+
+def test_the_last_fifth_of_a_single_run_is_set_aside() -> None:
+    kept, aside, note = set_aside([ramp()])
+    assert [len(kept[0]), len(aside[0])] == [32, 8]
+    assert aside[0].time[0] == pytest.approx(7.0 + 32 * 0.005)
+    assert note == "Held out: the last fifth of ramp, rows 33 to 40."
+    with pytest.raises(DataError, match="too short, 19 rows, to hold a fifth of them out"):
+        set_aside([ramp(rows=19)])
+
+
+def test_no_file_is_learned_from_and_held_out(tmp_path: Path) -> None:
+    path = tmp_path / "a.csv"
+    path.write_text("time,qpos.x\n0,0\n1,1\n2,2\n3,4\n")
+    first, second = load_named([str(path)]), load_named([str(tmp_path / ".." / tmp_path.name / "a.csv")])
+    with pytest.raises(DataError, match="a.csv is both learned from and held out"):
+        check_apart(first, second)
+    check_apart([ramp()], [ramp()])  # what has no file cannot be told apart
+
+
+@pytest.mark.parametrize(
+    ("columns", "message"),
+    [
+        ({"qpos.elbow": torch.zeros(40)}, "`m.xml` has no qpos.elbow; it has qpos.slide, qvel.slide, ctrl.push"),
+        ({"ctrl.brake": torch.zeros(40)}, "`m.xml` has no ctrl.brake"),
+    ],
+)
+def test_what_the_model_lacks_is_named(slide: str, columns: dict[str, torch.Tensor], message: str) -> None:
+    with pytest.raises(DataError, match=message):
+        check_columns_known([ramp(**columns)], nominal_simulator(slide), "m.xml")
+
+
+def test_what_the_recording_lacks_is_named(slide: str) -> None:
+    bare = Recording.from_columns("bare", {"time": torch.arange(4), "qpos.slide": torch.zeros(4)})
+    with pytest.raises(DataError, match=r"no column ctrl.push, which `m.xml` wants; found time, qpos.slide"):
+        check_columns_known([bare], nominal_simulator(slide), "m.xml")
+    check_columns_known([ramp()], nominal_simulator(slide), "m.xml")
+
+
+def test_velocities_of_an_angle_know_no_leap(rod: str, rod_run) -> None:
+    recording = rod_run()
+    leaps = recording["qpos.hip"].diff().abs().max()
+    assert leaps > 6.0
+    velocity = with_velocities(recording, nominal_simulator(rod))["qvel.hip"]
+    assert velocity.abs().max() < 20.0
+
+
+def test_transitions_follow_the_clock_and_the_held_control(slide: str) -> None:
+    data = transitions_of(ramp(), nominal_simulator(slide, 0.02))
+    assert data["time"].tolist() == pytest.approx([0.02 * index for index in range(9)])
+    assert data["state"][:, 0].tolist() == pytest.approx([0.04 * index for index in range(9)])
+    assert data["action"][:, 0].tolist() == pytest.approx([4 * index + 1.5 for index in range(9)])
+
+
+@pytest.mark.parametrize(("shifts", "clocks"), [(1, 1), (2, 2), (4, 4), (9, 4)])
+def test_shifted_clocks_use_more_rows(slide: str, shifts: int, clocks: int) -> None:
+    data = transitions_of(ramp(rows=400), nominal_simulator(slide, 0.02), shifts)
+    assert len(data) == 99 * clocks
+    starts = data["time"][data["time"] < 0.02 - 1e-9]
+    assert starts.tolist() == pytest.approx([0.02 * index / clocks for index in range(clocks)])
+    assert data["state"][:, 0].tolist() == pytest.approx((2 * data["time"]).tolist())
+
+
+def test_a_short_run_has_no_room_for_other_clocks(slide: str) -> None:
+    assert len(transitions_of(ramp(rows=17), nominal_simulator(slide, 0.02), 4)) == 4
+
+
+def test_angles_come_back_wrapped(rod: str, rod_run) -> None:
+    simulator = nominal_simulator(rod, 0.02)
+    data = transitions_of(with_velocities(rod_run(), simulator), simulator)
+    for key in ("state", ("next", "state")):
+        assert data[key][:, 0].abs().max() <= math.pi
+    change = simulator.state_space.difference(data["next", "state"], data["state"])[:, 0]
+    torch.testing.assert_close(change, 0.01 * (data["state"] + data["next", "state"])[:, 1], atol=2e-3, rtol=0)
+
+
+def test_a_part_keeps_name_and_notes() -> None:
+    part = from_row(ramp(), 10, 20)
+    assert (part.name, len(part), part["ctrl.push"][0].item()) == ("ramp", 10, 10.0)
