@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import signal
 import threading
 from collections.abc import Callable, Iterable, Iterator, Sequence
@@ -38,7 +39,7 @@ def run_jobs(
     """Do independent jobs side by side.
 
     Every job computes on one thread of torch, so its result does not depend on the number of processes. The processes
-    end with the jobs, and at once at an error or at Ctrl-C.
+    end with the jobs, at once at an error or at Ctrl-C, and at the next message when this one was killed.
 
     Args:
         work: from a job to its messages; like these, it can be pickled if there is more than one process.
@@ -86,10 +87,10 @@ def _heard_by(tell: Tell) -> Iterator[Tell]:
         thread = threading.Thread(target=_hear, args=(listener, tell), daemon=True)
         thread.start()
         try:
-            yield partial(_send, listener.address)
+            yield partial(_tell_parent, listener.address)
         finally:
-            with suppress(OSError):  # the thread ended at an error of `tell`
-                _send(listener.address, None)
+            with suppress(OSError), Client(listener.address) as connection:  # gone if `tell` raised an error
+                connection.send(None)
             thread.join()
 
 
@@ -103,9 +104,12 @@ def _hear(listener: Listener, tell: Tell) -> None:
                     tell(message)
 
 
-def _send(address: Any, message: Any) -> None:
-    with Client(address) as connection:
-        connection.send(message)
+def _tell_parent(address: Any, message: Any) -> None:
+    try:
+        with Client(address) as connection:
+            connection.send(message)
+    except OSError:  # nobody is there any more to work for
+        os._exit(1)
 
 
 @contextmanager
