@@ -22,9 +22,9 @@ _STYLES = (
     ("#E69F00", (0, (5, 1.5))),
     ("#009E73", "-."),
     ("#CC79A7", "-"),
-    ("#777777", ":"),
+    ("#000000", "-"),
     ("#56B4E9", "--"),
-    ("#000000", "-."),
+    ("#777777", ":"),
 )
 """Colour (Okabe and Ito) and line style of each method, in the order of METHODS: told apart without colours, too."""
 
@@ -98,7 +98,7 @@ def _draw_all(
         axes.set_xlabel("episode")
         axes.set_ylabel(panel.label.format(unit=unit))
     handles = {label: handle for axes in row for handle, label in zip(*axes.get_legend_handles_labels(), strict=True)}
-    columns = 2 if len(panels) == 1 else 8
+    columns = 2 if len(panels) == 1 else min(len(handles), 4)
     figure.legend(
         handles.values(), handles.keys(), loc="outside lower center", ncols=columns, frameon=False, fontsize=9
     )
@@ -113,13 +113,13 @@ def _draw(axes: Axes, table: pd.DataFrame, column: str) -> None:
         group = table[table["method"] == name].groupby("episode")[column]
         mean = group.mean()
         marker = "o" if len(mean) == 1 else None
-        axes.fill_between(mean.index, group.min(), group.max(), color=colour, alpha=0.13, linewidth=0)
+        axes.fill_between(mean.index, group.min(), group.max(), color=colour, alpha=0.1, linewidth=0)
         axes.plot(
             mean.index,
             mean,
             color=colour,
             linestyle=style,
-            linewidth=2.2 if index == 0 else 1.5,
+            linewidth=2.2 if name in ("discrepancy", "directed") else 1.4,
             marker=marker,
             label=method.title,
             zorder=4 if index == 0 else 3,
