@@ -45,8 +45,8 @@ def markdown(folder: Path) -> str:
     baselines = [name for name in BASELINES if name in median]
     head = ["method", *(f"{n}" for n in shown), "range at the end", *(f"reaches {name}'s end" for name in baselines)]
     lines = [
-        f"**{summary['system']}** (simulator alone: {1e3 * summary['prior_mse']:.3g}; {summary['trials']} trials, seeds "
-        f"from {summary['seed']})",
+        f"**{summary['system']}** (simulator alone: {1e3 * summary['prior_mse']:.3g}; {summary['trials']} trials, "
+        f"seeds from {summary['seed']})",
         "",
         "| " + " | ".join(head) + " |",
         "|" + "---|" * len(head),

@@ -37,7 +37,7 @@ def sample(count: int) -> tuple[torch.Tensor, torch.Tensor, torch.Tensor]:
 # Mean, kernel, noise: injected
 # -----------------------------
 # ``DynamicsGP`` is a gpytorch ``ExactGP`` with one output for each state. The mean can be any gpytorch mean, the kernel
-# any gpytorch kernel. Angles wrap: residuals are taken on the circle, because the simulator says which states are angles.
+# any gpytorch kernel. Angles wrap: residuals are taken on the circle; the simulator says which states are angles.
 
 with_simulator = DynamicsGP(EpisodicMean(SimulatorMean(simulator)), RBFKernel(), noise=FixedNoise(1e-4))
 without = DynamicsGP(

@@ -46,7 +46,7 @@ score = WeightedSum([Discrepancy(), Spread(), wall], weights=[1.0, 1.0, 1.0])
 # %%
 # Plan in the model, act in the world
 # -----------------------------------
-# ``GPEnv`` is a TorchRL ``ModelBasedEnvBase`` whose reward is the score; ``ICEMPlanner`` is a TorchRL planner that would
+# ``GPEnv`` is a TorchRL ``ModelBasedEnvBase`` whose reward is the score; ``ICEMPlanner`` is a TorchRL planner that can
 # plan in any other environment too. ``SimulatorEnv`` plays the real pendulum; ``MujocoGymEnv`` wraps Gymnasium's.
 
 model_env = GPEnv(gp, score)
@@ -95,8 +95,8 @@ for episode in loop.run(num_episodes=10):
 # %%
 # What was learned is a simulator again
 # -------------------------------------
-# ``loop.model`` steps like any simulator, so it can be the mean of the next GP. ``loop.guard`` tests each episode on the
-# model that it started with, and leaves out corrections that do not beat the simulator alone.
+# ``loop.model`` steps like any simulator, so it can be the mean of the next GP. ``loop.guard`` tests each episode on
+# the model that the episode started with, and leaves out corrections that do not beat the simulator alone.
 
 print(loop.guard.report())
 swing = loop.model.rollout(torch.tensor([0.5, 0.0]), torch.zeros(20, 1))

@@ -9,6 +9,7 @@ import pytest
 import torch
 from torch import Tensor
 
+from torch_activegp.errors import ConfigurationError
 from torch_activegp.loops import HeldOutEpisodes
 from torch_activegp.models import FixedNoise, InverseSquareNoise, NoiseSchedule
 from torch_activegp.simulators import Pendulum
@@ -98,6 +99,12 @@ def test_episodes_before_anything_was_learned_are_no_tests(small_run: ModuleType
     assert guard.trust().tolist() == [1.0, 1.0]
     guard.sums = [nothing, *sums([0.5])]
     assert guard.trust().tolist() == [1.0, 1.0]
+
+
+def test_an_end_without_a_beginning_is_an_error(small_run: ModuleType, generator: torch.Generator) -> None:
+    gp = small_run.make_gp()
+    with pytest.raises(ConfigurationError, match="Call begin"):
+        HeldOutEpisodes(gp).end(*episode(gp, generator))
 
 
 def test_only_the_last_episodes_count(small_run: ModuleType, generator: torch.Generator) -> None:

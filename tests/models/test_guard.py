@@ -71,6 +71,7 @@ def test_before_any_data_the_model_is_trusted() -> None:
     report = HeldOutGuard(2).report()
     assert report.trust.tolist() == [1.0, 1.0]
     assert not report.stepped_in
+    assert str(report) == "No held-out data tells the learned model from the simulator alone yet."
 
 
 @pytest.mark.parametrize("seed", range(20))

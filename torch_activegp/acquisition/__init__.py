@@ -1,6 +1,6 @@
 """Acquisition functions: what an experiment is worth, as TensorDict modules."""
 
-from torch_activegp.acquisition.base import AcquisitionFunction
+from torch_activegp.acquisition.base import AcquisitionFunction, InUnits
 from torch_activegp.acquisition.directed_spread import DirectedSpread
 from torch_activegp.acquisition.discrepancy import Discrepancy
 from torch_activegp.acquisition.random_score import RandomScore
@@ -13,6 +13,7 @@ __all__ = [
     "Box",
     "DirectedSpread",
     "Discrepancy",
+    "InUnits",
     "InformationGain",
     "RandomScore",
     "SafeSet",

@@ -44,4 +44,4 @@ class RandomScore(AcquisitionFunction):
 
     def set_extra_state(self, state: Tensor) -> None:
         """Restore the generator."""
-        self.generator.set_state(state)
+        self.generator.set_state(state.cpu())

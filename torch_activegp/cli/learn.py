@@ -75,7 +75,7 @@ def learn(
     0: right) and in units: one step ahead; over windows of a second; and free, from the first state to the end.
 
     Writes summary.json, predictions.csv (the free runs), forecast.png and .svg, and model.pt, which
-    torch_activegp.experiments.learned_model.load_learned loads as a simulator.
+    torch_activegp.experiments.load_learned loads as a simulator.
     """
     began = time.perf_counter()
     settings = {

@@ -64,6 +64,8 @@ class LargestScoreStart(EpisodeStart):
         for name, value in (("num_candidates", num_candidates), ("num_refined", num_refined)):
             if value < 1:
                 raise ConfigurationError(f"LargestScoreStart: wanted {name} >= 1, found {value}.")
+        if num_rounds < 0:
+            raise ConfigurationError(f"LargestScoreStart: wanted num_rounds >= 0, found {num_rounds}.")
         self.score = score
         self.num_candidates = num_candidates
         self.num_refined = min(num_refined, num_candidates)

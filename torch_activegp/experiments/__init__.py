@@ -4,10 +4,13 @@ from torch_activegp.experiments.bounds import set_bounds
 from torch_activegp.experiments.claims import Claim, check_claims
 from torch_activegp.experiments.evaluation import GridEvaluation
 from torch_activegp.experiments.figures import draw_figures
-from torch_activegp.experiments.methods import METHODS, Budget, Method, make_loop
+from torch_activegp.experiments.learn import Learned
+from torch_activegp.experiments.learned_model import load_learned, save_learned
+from torch_activegp.experiments.methods import METHODS, PAPER_METHODS, Budget, Method, make_loop
 from torch_activegp.experiments.study import Step, Trial, make_trials, records_table, run_study, run_trial
 from torch_activegp.experiments.task import (
     FITTED,
+    LOCAL,
     PRINTED,
     TASKS,
     GPSettings,
@@ -15,18 +18,23 @@ from torch_activegp.experiments.task import (
     pendulum,
     pendulum_brake,
     pendulum_gymnasium,
+    pendulum_magnet,
+    pendulum_stop,
 )
 from torch_activegp.experiments.user_simulator import UserSimulator
 
 __all__ = [
     "FITTED",
+    "LOCAL",
     "METHODS",
+    "PAPER_METHODS",
     "PRINTED",
     "TASKS",
     "Budget",
     "Claim",
     "GPSettings",
     "GridEvaluation",
+    "Learned",
     "Method",
     "Step",
     "Task",
@@ -34,13 +42,17 @@ __all__ = [
     "UserSimulator",
     "check_claims",
     "draw_figures",
+    "load_learned",
     "make_loop",
     "make_trials",
     "pendulum",
     "pendulum_brake",
     "pendulum_gymnasium",
+    "pendulum_magnet",
+    "pendulum_stop",
     "records_table",
     "run_study",
     "run_trial",
+    "save_learned",
     "set_bounds",
 ]

@@ -9,7 +9,9 @@ import torch
 from torch import Tensor
 
 from torch_activegp.collectors.episode_start import state_space_of
+from torch_activegp.errors import ConfigurationError
 from torch_activegp.models import DynamicsGP, GuardReport, HeldOutGuard
+from torch_activegp.models.cached_posterior import CachedPosterior
 
 
 class HeldOutEpisodes:
@@ -38,6 +40,7 @@ class HeldOutEpisodes:
         self.gp = gp
         self.num_episodes = num_episodes
         self.sums: list[Tensor] = []
+        self._posterior: CachedPosterior | None = None
 
     def begin(self) -> None:
         """Keep the model of this moment for the test."""
@@ -45,7 +48,13 @@ class HeldOutEpisodes:
 
     @torch.no_grad()
     def end(self, state: Tensor, action: Tensor, next_state: Tensor) -> None:
-        """Test the kept model on an episode: states ``(T, d)``, actions ``(T, m)``, next states ``(T, d)``."""
+        """Test the kept model on an episode: states ``(T, d)``, actions ``(T, m)``, next states ``(T, d)``.
+
+        Raises:
+            ConfigurationError: no model was kept.
+        """
+        if self._posterior is None:
+            raise ConfigurationError("HeldOutEpisodes.end: no model was kept. Call begin() before each episode.")
         space = state_space_of(self.gp)
         features = self._posterior.features(torch.cat([state, action], dim=-1).to(self.gp.output_scale))
         base = features.simulator_loc

@@ -79,9 +79,9 @@ def fit_hyperparameters(
 
     Each output's residual about the base mean (the simulator) is divided by its root mean square, so that one kernel
     fits all outputs. All priors registered on the modules enter. The noise is fitted when the GP's schedule is
-    :class:`~torch_activegp.models.LearnedNoise`, else it keeps the schedule's value. The result is never worse than
-    the hyper-parameters were before. Call it between episodes: after :meth:`DynamicsGP.begin_episode`, which keeps a
-    snapshot of the kernel that the past posterior was made with.
+    :class:`~torch_activegp.models.LearnedNoise`, else it keeps the schedule's value. At the new output scale, and on
+    the fitted subset, the result is never worse than the hyper-parameters were before. Call it between episodes: after
+    :meth:`DynamicsGP.begin_episode`, which keeps a snapshot of the kernel that the past posterior was made with.
 
     Args:
         gp: its ``covar_module``, ``output_scale`` and ``likelihood`` are set in place.
