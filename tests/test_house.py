@@ -67,3 +67,25 @@ def test_a_leak_of_torch_state_fails_its_test(tmp_path: Path) -> None:
     assert f"{len(LEAKS) + 1} passed, {len(LEAKS)} errors" in done.stdout
     for name in LEAKS:
         assert f"AssertionError: global torch state leaked: {name}: " in done.stdout
+
+
+def test_the_readmes_example_runs_twice(tmp_path: Path) -> None:
+    readme = (ROOT / "README.md").read_text(encoding="utf-8")
+    (example,) = re.findall(r"```python\n(.*?)```", readme, flags=re.DOTALL)
+    short = example.replace("num_episodes=10", "num_episodes=2")
+    assert short != example
+    for _ in range(2):
+        done = subprocess.run([sys.executable, "-c", short], cwd=tmp_path, capture_output=True, text=True, check=False)
+        assert done.returncode == 0, done.stderr
+        assert "episode 2" in done.stdout
+
+
+@pytest.mark.parametrize(
+    "page", [*sorted(path.relative_to(ROOT) for path in ROOT.glob("[!.]*/*.md")), Path("README.md")]
+)
+def test_every_relative_link_leads_somewhere(page: Path) -> None:
+    text = (ROOT / page).read_text(encoding="utf-8")
+    links = re.findall(r"\]\(([^)#]+)\)", text)
+    missing = [link for link in links if "://" not in link and not ((ROOT / page).parent / link).exists()]
+    assert missing == []
+    assert not re.search(r"\b(TODO|TBD|FIXME)\b", text)

@@ -1,4 +1,4 @@
-"""Find out where a simulator is wrong, learn the rest with a Gaussian process, and say why.
+"""Find out where a simulator is wrong, and learn the rest with a Gaussian process.
 
 The packages, from the ground up: :mod:`~torch_activegp.data` (recordings), :mod:`~torch_activegp.simulators`,
 :mod:`~torch_activegp.means`, :mod:`~torch_activegp.models`, :mod:`~torch_activegp.acquisition`,

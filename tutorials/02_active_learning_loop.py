@@ -99,9 +99,11 @@ for episode in loop.run(num_episodes=10):
 # the model that the episode started with, and leaves out corrections that do not beat the simulator alone.
 
 print(loop.guard.report())
-swing = loop.model.rollout(torch.tensor([0.5, 0.0]), torch.zeros(20, 1))
-print(f"predicted angle after one second: {swing[-1, 0]:.3f} rad; true: ", end="")
-print(f"{truth.rollout(torch.tensor([0.5, 0.0]), torch.zeros(20, 1))[-1, 0]:.3f} rad")
+swing = {
+    name: system.rollout(torch.tensor([0.5, 0.0]), torch.zeros(20, 1))[-1, 0].item()
+    for name, system in {"true": truth, "learned": loop.model, "simulator": simulator}.items()
+}
+print("angle after one second, rad: " + ", ".join(f"{name} {angle:.3f}" for name, angle in swing.items()))
 
 # %%
 # What we claimed
@@ -109,4 +111,5 @@ print(f"{truth.rollout(torch.tensor([0.5, 0.0]), torch.zeros(20, 1))[-1, 0]:.3f}
 
 assert len(buffer) == gp.num_points == 100
 assert errors[-1] < 0.5 * errors[0]
+assert abs(swing["learned"] - swing["true"]) < abs(swing["simulator"] - swing["true"])
 assert buffer[:]["next", "state"][:, 0].abs().max() < 2.6

@@ -10,7 +10,7 @@ from torch_activegp.experiments.claims import Claim, check_claims, claims_as_dic
 Values = dict[str, tuple[float, float, float]]
 
 
-def table(values: Values, trials: int = 2, episodes: int = 3, spread: float = 0.0) -> pd.DataFrame:
+def table(values: Values, trials: int = 5, episodes: int = 3, spread: float = 0.0) -> pd.DataFrame:
     """Mean squared error, variance and discrepancy of each method; the trials lie ``spread`` apart around them."""
     rows = [
         (method, trial, episode, *(value * (1 + spread * (trial - (trials - 1) / 2)) for value in triple))
@@ -54,6 +54,16 @@ def test_ties_are_not_verdicts() -> None:
     assert verdicts(later) == ["held", "held", "not distinguishable yet", "not distinguishable yet"]
 
 
+def test_few_trials_and_overlapping_ones_are_no_verdict() -> None:
+    assert verdicts(HELD, trials=4)[2:] == ["not distinguishable yet"] * 2
+    frame = table({**HELD, "sigma": (0.1, 0.49, 0.29)})
+    noise = frame["trial"].map({0: -0.1, 1: 0.1, 2: 0.0, 3: 0.05, 4: -0.05})
+    frame.loc[frame["method"] == "discrepancy", ["max_variance", "discrepancy"]] += noise.to_frame().to_numpy()[
+        frame["method"] == "discrepancy"
+    ]
+    assert [claim.verdict for claim in check_claims(frame)][2:] == ["not held", "not distinguishable yet"]
+
+
 def test_only_the_first_and_the_last_episode_count_where_the_claim_says_so() -> None:
     frame = table(HELD)
     middle = frame["episode"] == 2
@@ -85,6 +95,7 @@ def test_markdown_and_json() -> None:
     rows = [line for line in text.splitlines() if line.startswith("|")]
     assert len(rows) == 6
     assert {line.count(" | ") for line in rows if "---" not in line} == {2}
+    assert "\\|p0 - f\\|" in text
     assert "# The paper's claims on pendulum" in text
     assert Claim(**json.loads(json.dumps(claims_as_dicts(claims)))[0]) == claims[0]
     assert "not all run" in claims_as_markdown([], "pendulum")

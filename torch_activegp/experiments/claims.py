@@ -6,6 +6,7 @@ from collections.abc import Sequence
 from dataclasses import asdict, dataclass
 from typing import Literal
 
+import numpy as np
 import pandas as pd
 
 Verdict = Literal["held", "not held", "not distinguishable yet"]
@@ -15,6 +16,8 @@ _FACTOR = 10
 """How much lower the first episode's error must be."""
 _COMPARABLE = 0.1
 """Relative difference up to which two variances are comparable."""
+_FEWEST_TRIALS = 5
+"""Trials below which the spread of a difference is not known."""
 _TIE = 1e-3
 """Relative difference below which means are not told apart."""
 _UNTOUCHED = 0.999
@@ -28,7 +31,7 @@ class Claim:
     Attributes:
         text: the claim.
         seen: the figures, mean [min, max] over the trials.
-        verdict: whether the means agree with the claim.
+        verdict: whether the trials agree with the claim.
     """
 
     text: str
@@ -79,30 +82,34 @@ def _comparable_variance(table: pd.DataFrame) -> Claim:
 def _sigma_lowest(table: pd.DataFrame) -> Claim:
     values = _last_variance(table, (_SIGMA, _OURS, _OPAX))
     wins = (values[_SIGMA] < pd.concat([values[_OURS], values[_OPAX]], axis=1).min(axis=1)).sum()
-    means = {name: -value.mean() for name, value in values.items()}
+    verdict = _first_is_largest({name: -value for name, value in values.items()})
     return Claim(
         "After the last episode sigma-greedy has the lowest maximum variance.",
         f"{_list(values)}; lowest in {wins} of {len(values[_SIGMA])} trials",
-        "not distinguishable yet" if _untouched(values) else _first_is_largest(means),
+        "not distinguishable yet" if _untouched(values) else verdict,
     )
 
 
 def _discrepancy_highest(table: pd.DataFrame) -> Claim:
     values = {name: _per_trial(table, name, "discrepancy") for name in (_OURS, _OPAX, _SIGMA)}
     wins = (values[_OURS] > pd.concat([values[_OPAX], values[_SIGMA]], axis=1).max(axis=1)).sum()
-    means = {name: value.mean() for name, value in values.items()}
     return Claim(
         "The mean discrepancy |p0 - f| at visited points, over all episodes, is above both baselines.",
         f"{_list(values)}; highest in {wins} of {len(values[_OURS])} trials",
-        _first_is_largest(means),
+        _first_is_largest(values),
     )
 
 
-def _first_is_largest(means: dict[str, float]) -> Verdict:
-    first, *others = means.values()
-    if abs(first - max(others)) <= _TIE * abs(first):
+def _first_is_largest(values: dict[str, pd.Series]) -> Verdict:
+    """Whether the first method's mean is above each other's by two standard errors of the difference within trials."""
+    first, *others = (np.asarray(value, dtype=float) for value in values.values())
+    if len(first) < _FEWEST_TRIALS:
         return "not distinguishable yet"
-    return "held" if first > max(others) else "not held"
+    gaps = np.stack([first - other for other in others], axis=1)
+    margin = np.maximum(2 * gaps.std(axis=0, ddof=1) / len(gaps) ** 0.5, _TIE * abs(first.mean()))
+    if (gaps.mean(axis=0) < -margin).any():
+        return "not held"
+    return "held" if (gaps.mean(axis=0) > margin).all() else "not distinguishable yet"
 
 
 def _untouched(values: dict[str, pd.Series]) -> bool:
@@ -139,7 +146,8 @@ def claims_as_markdown(claims: Sequence[Claim], title: str) -> str:
         claims: what was checked.
         title: the runs that it was checked on.
     """
-    rows = [f"| {claim.text} | {claim.seen} | {claim.verdict} |" for claim in claims]
+    cells = [[cell.replace("|", "\\|") for cell in (claim.text, claim.seen, claim.verdict)] for claim in claims]
+    rows = [f"| {text} | {seen} | {verdict} |" for text, seen, verdict in cells]
     rows = rows or ["| none: the methods of the claims (discrepancy, opax, sigma) were not all run | | |"]
     head = [f"# The paper's claims on {title}", "", "Figures are mean [min, max] over the trials.", ""]
     return "\n".join([*head, "| claim | seen | verdict |", "|---|---|---|", *rows, ""])

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, field
+from dataclasses import asdict, dataclass, field
 from functools import partial
 from pathlib import Path
 from typing import Literal
@@ -100,6 +100,11 @@ class Budget:
                 raise ConfigurationError(f"Wanted {name} >= 1, found {getattr(self, name)}.")
 
 
+def _planner_settings(budget: Budget) -> dict[str, int]:
+    """What a resumed trial must share; it may have more episodes."""
+    return {name: value for name, value in asdict(budget).items() if name not in ("episodes", "episode_length")}
+
+
 def make_loop(
     task: Task, method: str, seed: int, budget: Budget | None = None, *, checkpoint: Path | None = None
 ) -> ActiveLearning:
@@ -144,7 +149,7 @@ def make_loop(
         else task.gp.fit,
         evaluate=GridEvaluation(task),
         checkpoint=checkpoint,
-        settings={"task": task.name, "method": method, "seed": seed, "horizon": budget.planning_horizon},
+        settings={"task": task.name, "method": method, "seed": seed, **_planner_settings(budget)},
         stateful={"score": score},
     )
 

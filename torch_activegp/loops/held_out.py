@@ -77,7 +77,7 @@ class HeldOutEpisodes:
 
         It pays where its mean gain over the simulator, in squared error per episode, exceeds the standard error of
         that mean: then a few lucky episodes do not carry it. Only episodes that began with something learned are
-        tests; 1 before the first of them.
+        tests; 1 before the first of them, so that the first two or three episodes of a bad model can pass.
         """
         tested = [part for part in self.sums if bool(part[2].any())]
         if not tested:

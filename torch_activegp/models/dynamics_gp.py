@@ -282,6 +282,8 @@ def _check_outputs(num_outputs: int, mean: Mean, kernel: Kernel, output_scale: T
     }
     if output_scale is not None:
         wanted["output_scale of shape"] = (output_scale.shape, [(num_outputs,)])
+        if not bool(((output_scale > 0) & output_scale.isfinite()).all()):
+            raise ConfigurationError(f"Wanted positive, finite output scales, found {output_scale.tolist()}.")
     for part, (found, allowed) in wanted.items():
         if tuple(found) not in allowed:
             raise ShapeError(
