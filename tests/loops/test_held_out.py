@@ -58,13 +58,13 @@ def sums(gains: list[float]) -> list[Tensor]:
 @pytest.mark.parametrize(
     ("gains", "trusted"),
     [
-        ([0.5], True),
-        ([-0.1], False),
+        ([0.5, 0.5, 0.5], True),
+        ([-0.1, -0.1, -0.1], False),
         ([1.0, 1.0, 0.9], True),
         ([1.0, 1.0, -0.4], True),
         ([3.0, -0.1, -0.1], False),  # one lucky episode: mean 0.93, standard error 1.03
         ([-1.0, -1.0, -1.0], False),
-        ([-1.0, 1.0], False),
+        ([-1.0, 1.0, 0.0], False),
     ],
 )
 def test_a_correction_is_trusted_where_its_mean_gain_exceeds_its_standard_error(
@@ -87,17 +87,19 @@ def test_a_gain_by_chance_is_not_called_worse(small_run: ModuleType) -> None:
     guard = HeldOutEpisodes(small_run.make_gp())
     guard.sums = sums([3.0, -0.1, -0.1])
     assert "not reliably better than the simulator alone in theta" in str(guard.report())
-    guard.sums = sums([-3.0])
+    guard.sums = sums([-3.0] * 3)
     assert "worse than the simulator alone in theta" in str(guard.report())
 
 
 def test_episodes_before_anything_was_learned_are_no_tests(small_run: ModuleType) -> None:
     guard = HeldOutEpisodes(small_run.make_gp())
-    assert guard.trust().tolist() == [1.0, 1.0]
+    assert guard.trust().tolist() == [0.0, 0.0]
     nothing = torch.tensor([[9.0, 9.0], [0.0, 0.0], [0.0, 0.0], [4.0, 4.0]], dtype=torch.float64)
-    guard.sums = [nothing, nothing]
-    assert guard.trust().tolist() == [1.0, 1.0]
-    guard.sums = [nothing, *sums([0.5])]
+    guard.sums = [nothing] * 3
+    assert guard.trust().tolist() == [0.0, 0.0]
+    guard.sums = [nothing, *sums([0.5, 0.5])]
+    assert guard.trust().tolist() == [0.0, 0.0]  # two tests are too few
+    guard.sums = [nothing, *sums([0.5, 0.5, 0.5])]
     assert guard.trust().tolist() == [1.0, 1.0]
 
 

@@ -14,6 +14,10 @@ from torch_activegp.models import DynamicsGP, GuardReport, HeldOutGuard
 from torch_activegp.models.cached_posterior import CachedPosterior
 
 
+_FEWEST_TESTS = 3
+"""Episodes that must have been tested before a correction is trusted: the spread of fewer says nothing."""
+
+
 class HeldOutEpisodes:
     """How model and simulator did on the last episodes, each predicted by the model of its first moment.
 
@@ -33,7 +37,7 @@ class HeldOutEpisodes:
         >>> from torch_activegp.simulators import Pendulum
         >>> held_out = HeldOutEpisodes(DynamicsGP(SimulatorMean(Pendulum()), gpytorch.kernels.RBFKernel()))
         >>> held_out.trust()
-        tensor([1., 1.], dtype=torch.float64)
+        tensor([0., 0.], dtype=torch.float64)
     """
 
     def __init__(self, gp: DynamicsGP, num_episodes: int = 10) -> None:
@@ -77,13 +81,13 @@ class HeldOutEpisodes:
 
         It pays where its mean gain over the simulator, in squared error per episode, exceeds the standard error of
         that mean: then a few lucky episodes do not carry it. Only episodes that began with something learned are
-        tests; 1 before the first of them, so that the first two or three episodes of a bad model can pass.
+        tests. Before the third of them nothing is trusted: the simulator alone is never worse than itself.
         """
         tested = [part for part in self.sums if bool(part[2].any())]
-        if not tested:
-            return torch.ones(state_space_of(self.gp).dim, dtype=torch.float64)
+        if len(tested) < _FEWEST_TESTS:
+            return torch.zeros(state_space_of(self.gp).dim, dtype=torch.float64)
         _, product, correction, _ = torch.stack(tested).unbind(1)
         gain = 2 * product - correction
-        spread = gain.std(0, correction=min(1, len(tested) - 1)) / len(tested) ** 0.5
+        spread = gain.std(0, correction=1) / len(tested) ** 0.5
         untouched = correction.sum(0) == 0
         return ((gain.mean(0) > spread) | untouched).double()

@@ -37,7 +37,7 @@ class GuardReport:
     def __str__(self) -> str:
         """One sentence, naming the states where the guard stepped in."""
         shrunk = (self.trust < 1).nonzero().flatten().tolist()
-        if not shrunk and torch.equal(self.model_rmse, self.simulator_rmse):
+        if torch.equal(self.model_rmse, self.simulator_rmse):
             return "No held-out data tells the learned model from the simulator alone yet."
         if not shrunk:
             return "On held-out data the learned model is better than the simulator alone in every state."
