@@ -64,7 +64,7 @@ def sums(gains: list[float]) -> list[Tensor]:
         ([1.0, 1.0, -0.4], True),
         ([3.0, -0.1, -0.1], False),  # one lucky episode: mean 0.93, standard error 1.03
         ([-1.0, -1.0, -1.0], False),
-        ([-1.0, 1.0, 0.0], False),
+        ([-1.0, 1.5, 0.0], False),
     ],
 )
 def test_a_correction_is_trusted_where_its_mean_gain_exceeds_its_standard_error(

@@ -13,7 +13,6 @@ from torch_activegp.errors import ConfigurationError
 from torch_activegp.models import DynamicsGP, GuardReport, HeldOutGuard
 from torch_activegp.models.cached_posterior import CachedPosterior
 
-
 _FEWEST_TESTS = 3
 """Episodes that must have been tested before a correction is trusted: the spread of fewer says nothing."""
 
