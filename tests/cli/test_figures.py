@@ -52,7 +52,8 @@ def test_a_study_writes_all_that_it_promises(run: Callable[..., Result], folder:
     claims = (folder / "out" / "claims.md").read_text()
     assert [claim["verdict"] for claim in summary["claims"]][1] == "not distinguishable yet"
     for claim in summary["claims"]:
-        assert f"| {claim['text']} | {claim['seen']} | {claim['verdict']} |" in claims
+        cells = [claim[name].replace("|", "\\|") for name in ("text", "seen", "verdict")]
+        assert f"| {' | '.join(cells)} |" in claims
         assert claim["verdict"] + ": " + claim["text"] in result.stdout
     assert "simulator alone: MSE 0.149" in result.stdout
     assert "Sigma-greedy" in result.stdout

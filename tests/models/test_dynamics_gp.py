@@ -428,3 +428,9 @@ def test_the_number_of_outputs_must_be_known_and_agree(prior: Pendulum) -> None:
         DynamicsGP(mean, RBFKernel(batch_shape=three))
     with pytest.raises(ShapeError, match=r"Wanted output_scale of shape \(2,\) for 2 outputs, found \(1,\)"):
         DynamicsGP(mean, RBFKernel(), output_scale=torch.ones(1))
+
+
+@pytest.mark.parametrize("scale", [[1.0, -1.0], [0.0, 1.0], [float("inf"), 1.0]])
+def test_an_output_scale_that_is_none_is_refused(scale: list[float]) -> None:
+    with pytest.raises(ConfigurationError, match="positive, finite output scales"):
+        DynamicsGP(SimulatorMean(Pendulum()), gpytorch.kernels.RBFKernel(), output_scale=torch.tensor(scale))
