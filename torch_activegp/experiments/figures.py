@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 
 import matplotlib
 import pandas as pd
@@ -14,7 +13,7 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import MaxNLocator
 
 from torch_activegp.experiments.methods import METHODS
-from torch_activegp.experiments.output import atomic
+from torch_activegp.experiments.picture import LOOK, save_picture
 
 _STYLES = (
     ("#0072B2", "-"),
@@ -27,16 +26,6 @@ _STYLES = (
     ("#777777", ":"),
 )
 """Colour (Okabe and Ito) and line style of each method, in the order of METHODS: told apart without colours, too."""
-
-_RC: dict[Any, Any] = {
-    "svg.hashsalt": "torch_activegp",
-    "font.family": "DejaVu Sans",
-    "font.size": 10,
-    "axes.spines.top": False,
-    "axes.spines.right": False,
-    "axes.grid": True,
-    "grid.alpha": 0.25,
-}
 
 
 @dataclass(frozen=True)
@@ -74,15 +63,15 @@ def draw_figures(
         ConfigurationError: the folder cannot be written.
     """
     files = []
-    with matplotlib.rc_context(_RC):
+    with matplotlib.rc_context(LOOK):
         for panel in _PANELS:
             figure = Figure(figsize=(5.2, 4.4), layout="constrained")
             _draw_all(figure, table, [panel], unit, prior_mse)
-            files += _save(figure, folder / panel.column)
+            files += save_picture(figure, folder / panel.column)
         figure = Figure(figsize=(13, 4.6), layout="constrained")
         _draw_all(figure, table, _PANELS, unit, prior_mse)
         figure.suptitle(title)
-        files += _save(figure, folder / "figures")
+        files += save_picture(figure, folder / "figures")
     return files
 
 
@@ -139,12 +128,3 @@ def _show_no_noise(axes: Axes, low: float, high: float) -> None:
     margin = 0.05 * (high - low + spare)
     axes.set_ylim(low - margin if low > margin else 0.0, high + margin)
     axes.ticklabel_format(axis="y", useOffset=False)
-
-
-def _save(figure: Figure, stem: Path) -> list[Path]:
-    files = [stem.with_suffix(suffix) for suffix in (".png", ".svg")]
-    for file in files:
-        metadata = {"Date": None, "Creator": "torch-activegp"} if file.suffix == ".svg" else {"Software": None}
-        with atomic(file) as temporary:
-            figure.savefig(temporary, format=file.suffix[1:], dpi=150, metadata=metadata)
-    return files

@@ -12,7 +12,7 @@ from matplotlib.figure import Figure
 
 from torch_activegp.experiments.forecast import Errors, positions_of
 from torch_activegp.experiments.learn import WINDOW, Learned
-from torch_activegp.experiments.output import atomic
+from torch_activegp.experiments.picture import LOOK, save_picture
 from torch_activegp.keys import STATE
 from torch_activegp.simulators import MujocoSimulator
 
@@ -22,15 +22,6 @@ _STYLES: dict[str, dict[str, Any]] = {
     "measured": {"color": "black", "linewidth": 3.5, "alpha": 0.3},
     "simulator alone": {"color": "#D55E00", "linewidth": 1.2, "linestyle": "--"},
     "simulator + GP": {"color": "#0072B2", "linewidth": 1.2},
-}
-_RC: dict[Any, Any] = {
-    "svg.hashsalt": "torch_activegp",
-    "font.family": "DejaVu Sans",
-    "font.size": 10,
-    "axes.spines.top": False,
-    "axes.spines.right": False,
-    "axes.grid": True,
-    "grid.alpha": 0.25,
 }
 
 
@@ -51,7 +42,7 @@ def draw_forecast(outcome: Learned, folder: Path) -> list[Path]:
         ConfigurationError: the folder cannot be written.
     """
     positions = positions_of(outcome.simulator)[:_MOST]
-    with matplotlib.rc_context(_RC):
+    with matplotlib.rc_context(LOOK):
         figure = Figure(figsize=(12, 1.4 + 2.6 * len(positions)), layout="constrained")
         rows = figure.subplots(len(positions), 2, squeeze=False, sharex=True)
         for index, (position, (left, right)) in enumerate(zip(positions, rows, strict=True)):
@@ -63,7 +54,7 @@ def draw_forecast(outcome: Learned, folder: Path) -> list[Path]:
             axes.set_xlabel("time [s]")
         handles, labels = rows[0][0].get_legend_handles_labels()
         figure.legend(handles, labels, loc="outside lower center", ncols=len(labels), frameon=False)
-        return _save(figure, folder / "forecast")
+        return save_picture(figure, folder / "forecast")
 
 
 def _draw(axes: Axes, outcome: Learned, position: int, kind: str, title: str) -> None:
@@ -99,12 +90,3 @@ def _unit(outcome: Learned, position: int) -> str:
         return "rad" if position in space.angles else "SI"
     kinds = {f"qpos.{joint.name}": joint.type for joint in map(simulator.model.joint, range(simulator.model.njnt))}
     return "rad" if kinds.get(space.names[position]) == mujoco.mjtJoint.mjJNT_HINGE else "m"
-
-
-def _save(figure: Figure, stem: Path) -> list[Path]:
-    files = [stem.with_suffix(suffix) for suffix in (".png", ".svg")]
-    for file in files:
-        metadata = {"Date": None} if file.suffix == ".svg" else {}
-        with atomic(file) as temporary:
-            figure.savefig(temporary, format=file.suffix[1:], dpi=150, metadata=metadata)
-    return files
