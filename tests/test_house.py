@@ -8,7 +8,10 @@ import sys
 import tomllib
 from pathlib import Path
 
+import numpy as np
 import pytest
+
+from torch_activegp.experiments.demo import MODEL, Secret, record
 
 ROOT = Path(__file__).resolve().parents[1]
 INSTALL = """python3 -m venv .venv \\
@@ -69,15 +72,32 @@ def test_a_leak_of_torch_state_fails_its_test(tmp_path: Path) -> None:
         assert f"AssertionError: global torch state leaked: {name}: " in done.stdout
 
 
-def test_the_readmes_example_runs_twice(tmp_path: Path) -> None:
+def example(name: str) -> str:
     readme = (ROOT / "README.md").read_text(encoding="utf-8")
-    (example,) = re.findall(r"```python\n(.*?)```", readme, flags=re.DOTALL)
-    short = example.replace("num_episodes=10", "num_episodes=2")
-    assert short != example
+    (block,) = re.findall(rf"<!-- {name} -->\n```python\n(.*?)```", readme, flags=re.DOTALL)
+    return str(block)
+
+
+def test_the_readmes_example_runs_twice(tmp_path: Path) -> None:
+    long = example("learn-example")
+    short = long.replace("num_episodes=10", "num_episodes=2")
+    assert short != long
     for _ in range(2):
         done = subprocess.run([sys.executable, "-c", short], cwd=tmp_path, capture_output=True, text=True, check=False)
         assert done.returncode == 0, done.stderr
         assert "episode 2" in done.stdout
+
+
+def test_the_readmes_diagnosis_runs(tmp_path: Path) -> None:
+    secret, rng = Secret("linear_spring", value=0.05), np.random.default_rng(0)
+    (tmp_path / "model.xml").write_text(MODEL)
+    for name in ("run1", "run2", "test1"):
+        record(secret, rng).to_csv(tmp_path / f"{name}.csv", index=False)
+    command = [sys.executable, "-c", example("diagnose-example")]
+    done = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stderr
+    assert done.stdout.startswith("The simulator leaves out linear_spring at joint:pivot, explaining ")
+    assert {"diagnosis.json", "corrected.xml"} <= {path.name for path in (tmp_path / "out").iterdir()}
 
 
 @pytest.mark.parametrize(

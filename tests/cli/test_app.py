@@ -33,7 +33,9 @@ def raising(error: BaseException) -> typer.Typer:
 @pytest.mark.parametrize("words", [[], ["--help"]])
 def test_the_first_page_teaches(run: Callable[..., Result], words: list[str]) -> None:
     text = run(*words).output
-    for wanted in ("torch-activegp explore pendulum", "explore", "figures", "--version", "Exit codes"):
+    for wanted in ("torch-activegp explore pendulum", "torch-activegp diagnose model.xml", "--version", "Exit codes"):
+        assert wanted in text
+    for wanted in ("explore", "figures", "learn", "diagnose", "evaluate"):
         assert wanted in text
 
 
@@ -48,6 +50,20 @@ def test_a_command_teaches_in_eighty_columns(
     assert f"torch-activegp {command} pendulum" in result.output
     for wanted in ("metrics.csv", "summary.json", ".svg", "--resume", "--seed", "pendulum-gymnasium", "factory"):
         assert wanted in result.output
+    assert max(map(len, result.output.splitlines())) <= 80
+
+
+@pytest.mark.parametrize("command", ["learn", "diagnose", "evaluate"])
+def test_a_command_on_recordings_teaches_in_eighty_columns(
+    run: Callable[..., Result], monkeypatch: pytest.MonkeyPatch, command: str
+) -> None:
+    monkeypatch.setenv("COLUMNS", "80")
+    monkeypatch.setenv("TERMINAL_WIDTH", "80")
+    result = run(command, "--help")
+    assert result.exit_code == 0
+    assert f"torch-activegp {command} emps emps:t" in result.output
+    for wanted in ("MAP.toml", "laas:acc_current", "balls", "factory", "standard deviations"):
+        assert wanted in " ".join(result.output.replace("│", " ").split())
     assert max(map(len, result.output.splitlines())) <= 80
 
 

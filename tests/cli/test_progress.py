@@ -5,7 +5,7 @@ import io
 import pytest
 from rich.console import Console
 
-from torch_activegp.cli.progress import EpisodeProgress, show_time
+from torch_activegp.cli.progress import EpisodeProgress, StageProgress, show_time
 
 
 class Clock:
@@ -69,3 +69,36 @@ def test_a_terminal_gets_a_bar() -> None:
             progress.advance()
     text = file.getvalue()
     assert "2/4 episodes, about 6 s left" in text
+
+
+def test_stages_get_a_line_now_and_then_with_the_time_left() -> None:
+    clock, file = Clock(), io.StringIO()
+    with StageProgress(Console(file=file), "diagnosing", interval=10, clock=clock) as progress:
+        progress.tell("noise floor")
+        clock.now += 11
+        progress.tell("screening [all]", 0.2)
+        clock.now += 12
+        progress.tell("screening [all]", 0.4)
+        clock.now += 3
+        progress.tell("naming", 0.1)  # a new count
+        clock.now += 9
+        progress.tell("naming", 0.1)
+        clock.now += 10
+        progress.tell("naming", None)
+    assert file.getvalue().splitlines() == [
+        "diagnosing: screening [all], 20%",
+        "diagnosing: screening [all], 40%, about 36 s left",
+        "diagnosing: naming, 10%",
+        "diagnosing: naming",
+    ]
+
+
+def test_stages_get_a_bar_on_a_terminal() -> None:
+    clock, file = Clock(), io.StringIO()
+    console = Console(file=file, force_terminal=True, color_system=None, width=100)
+    with StageProgress(console, "diagnosing", clock=clock) as progress:
+        progress.tell("naming", 0.0)
+        clock.now += 5
+        progress.tell("naming", 0.5)
+        progress._bar.refresh()
+    assert "diagnosing: naming, about 5 s left" in file.getvalue()

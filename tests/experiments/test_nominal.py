@@ -46,6 +46,18 @@ def test_emps_is_the_packaged_model_and_forces_are_appended() -> None:
     assert nominal_simulator("emps", 0.01, external_force=True).action_space.names == ("ctrl.motor", "qfrc.slide")
 
 
+@pytest.mark.parametrize(
+    ("name", "names"),
+    [
+        ("multiarm", ("qpos.arm", "qvel.arm")),
+        ("laas", ("qpos.rotor", "qvel.rotor")),
+        ("balls", ("qpos.height", "qvel.height")),
+    ],
+)
+def test_the_nominal_model_of_every_public_data_set_is_known(name: str, names: tuple[str, str]) -> None:
+    assert nominal_simulator(name, 0.01).state_space.names == names
+
+
 def test_a_factory_keeps_its_step(factory: str) -> None:
     assert nominal_simulator(f"{factory}:make").dt == 0.1
     assert nominal_simulator(f"{factory}:make", 0.1, external_force=True).action_space.names == ("ctrl.u",)

@@ -13,6 +13,7 @@ from torch_activegp.experiments.recorded import (
     check_apart,
     check_columns_known,
     from_row,
+    load_apart,
     load_named,
     set_aside,
     transitions_of,
@@ -29,15 +30,49 @@ def ramp(name: str = "ramp", rows: int = 40, **columns: torch.Tensor) -> Recordi
 def test_files_patterns_and_data_sets_are_loaded_in_order(tmp_path: Path, recordings_dir: Path) -> None:
     for name in ("b", "a"):
         (tmp_path / f"{name}.csv").write_text("time,qpos.x\n0,0\n1,1\n2,2\n3,4\n")
-    names = [run.name for run in load_named([str(tmp_path / "*.csv"), "emps:test", str(tmp_path / "b.csv")])]
-    assert names == ["a.csv", "b.csv", "DATA_EMPS_PULSES.mat", "b.csv"]
+    (tmp_path / "c.tsv").write_text("time\tqpos.x\n0\t0\n1\t1\n2\t2\n3\t4\n")
+    names = [run.name for run in load_named([str(tmp_path / "*.csv"), "emps:test", str(tmp_path / "c.tsv")])]
+    assert names == ["a.csv", "b.csv", "DATA_EMPS_PULSES.mat", "c.tsv"]
+
+
+@pytest.mark.parametrize(
+    ("word", "joint", "runs"),
+    [("multiarm:train", "arm", 1), ("laas:acc_current", "rotor", 18), ("balls:whiffle_ball_2_1", "height", 1)],
+)
+def test_every_public_data_set_is_known(recordings_dir: Path, word: str, joint: str, runs: int) -> None:
+    recordings = load_named([word])
+    assert len(recordings) == runs
+    assert {recording.joints for recording in recordings} == {(joint,)}
+
+
+def test_a_run_counts_once(tmp_path: Path, recordings_dir: Path) -> None:
+    (tmp_path / "a.csv").write_text("time,qpos.x\n0,0\n1,1\n2,2\n3,4\n")
+    with pytest.raises(DataError, match="a.csv is given 2 times, and would count for as many runs. Name it once"):
+        load_named([str(tmp_path / "a.csv"), str(tmp_path / "*.csv")])
+    with pytest.raises(DataError, match="golf_ball_1 is given 2 times"):
+        load_named(["balls:golf_ball_1", "balls:golf_ball_1"])
+    assert len(load_named(["balls:golf_ball_1", "balls:golf_ball_2"])) == 2
+
+
+def test_what_is_learned_from_and_held_out_is_apart(tmp_path: Path, recordings_dir: Path) -> None:
+    (tmp_path / "a.csv").write_text("time,qpos.x\n0,0\n1,1\n2,2\n3,4\n")
+    recordings, held_out = load_apart([str(tmp_path / "a.csv"), "balls:golf_ball_1"], ["balls:golf_ball_2"])
+    assert [run.name for run in (*recordings, *held_out)] == ["a.csv", "golf_ball_1", "golf_ball_2"]
+    for words in (["balls:golf_ball_1"], [str(tmp_path / "*.csv")]):
+        with pytest.raises(DataError, match="is both learned from and held out"):
+            load_apart([str(tmp_path / "a.csv"), "balls:golf_ball_1"], words)
+
+
+def test_a_column_map_is_read_even_where_no_file_needs_it(tmp_path: Path) -> None:
+    with pytest.raises(DataError, match="nowhere.toml: no such file"):
+        load_named([], tmp_path / "nowhere.toml")
 
 
 @pytest.mark.parametrize(
     ("word", "message"),
     [
         ("emps:trian", "EMPS has no split `trian`"),
-        ("silverbox:train", "unknown data set `silverbox:train`: emps:train or emps:test wanted"),
+        ("silverbox:train", "unknown data set `silverbox:train`: emps:train, emps:test, multiarm:train"),
         ("nowhere.csv", "nowhere.csv: no such file"),
     ],
 )

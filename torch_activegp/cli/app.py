@@ -63,7 +63,9 @@ def _describe(
 ) -> None:
     """Learn where a simulator is wrong, with the simulator as the prior of a Gaussian process.
 
-    See it work:  `torch-activegp explore pendulum`
+    See it work:  `torch-activegp demo` (something is hidden, and found);  `torch-activegp explore pendulum`
+
+    Your machine:  `torch-activegp diagnose model.xml run1.csv run2.csv --holdout run3.csv`
 
     Every command explains itself with --help. Exit codes: 0 done, 2 input that you can mend (one message says how),
     130 interrupted.

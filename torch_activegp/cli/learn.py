@@ -10,7 +10,7 @@ import typer
 from rich.table import Table
 
 from torch_activegp.cli.app import app, console, results
-from torch_activegp.cli.options import Seed, output_folder
+from torch_activegp.cli.options import RECORDINGS, Columns, Holdout, Model, Seed, output_folder
 from torch_activegp.errors import ConfigurationError
 from torch_activegp.experiments.forecast import KINDS
 from torch_activegp.experiments.forecast_figure import draw_forecast
@@ -19,7 +19,7 @@ from torch_activegp.experiments.learn import WINDOW, Learned
 from torch_activegp.experiments.learn import learn as learn_from
 from torch_activegp.experiments.learned_model import save_learned
 from torch_activegp.experiments.output import check_output, open_output, write_json, write_table
-from torch_activegp.experiments.recorded import load_named
+from torch_activegp.experiments.recorded import load_apart
 from torch_activegp.experiments.workers import one_thread
 
 _TITLES = {"one_step": "one step of {dt:.4g} s", "window": "windows of {window:g} s", "free_run": "free run"}
@@ -27,31 +27,10 @@ _TITLES = {"one_step": "one step of {dt:.4g} s", "window": "windows of {window:g
 
 @app.command()
 def learn(
-    model: Annotated[
-        str,
-        typer.Argument(
-            help="The simulator: an MJCF file; package.module:factory, a function that returns a Simulator; or emps, "
-            "the nominal model of the EMPS benchmark."
-        ),
-    ],
-    recordings: Annotated[
-        list[str],
-        typer.Argument(
-            help="Recordings to learn from: CSV, Parquet, NPZ, HDF5, MAT or a TensorDict memmap, with columns time, "
-            "qpos.JOINT, qvel.JOINT (estimated where missing), ctrl.ACTUATOR, qfrc.JOINT in SI units. Or public data: "
-            "emps:train, emps:test.",
-            metavar="RECORDING...",
-        ),
-    ],
-    holdout: Annotated[
-        list[str] | None,
-        typer.Option(
-            help="Recording to compare on; may be repeated. Without it, a fifth is set aside.", metavar="RECORDING"
-        ),
-    ] = None,
-    columns: Annotated[
-        Path | None, typer.Option(help="Renames and rescales columns of the recordings.", metavar="MAP.toml")
-    ] = None,
+    model: Model,
+    recordings: Annotated[list[str], typer.Argument(help=f"To learn from: {RECORDINGS}", metavar="RECORDING...")],
+    holdout: Holdout = None,
+    columns: Columns = None,
     dt: Annotated[
         float | None,
         typer.Option(
@@ -90,15 +69,9 @@ def learn(
     }
     folder = output_folder(out, "learn", Path(model).stem if Path(model).is_file() else model)
     _check_new(folder, settings)
+    train, test = load_apart(recordings, holdout or [], columns)
     with one_thread(), console.status("learning ..."):
-        outcome = learn_from(
-            model,
-            load_named(recordings, columns),
-            load_named(holdout or [], columns),
-            dt=dt,
-            max_points=max_points,
-            seed=seed,
-        )
+        outcome = learn_from(model, train, test, dt=dt, max_points=max_points, seed=seed)
     open_output(folder, settings, resume=False)
     write_json(
         folder / "summary.json", {**settings, **summary(outcome), "seconds": round(time.perf_counter() - began, 2)}

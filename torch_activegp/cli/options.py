@@ -8,6 +8,7 @@ from typing import Annotated
 
 import typer
 
+from torch_activegp.data.known_sets import KNOWN_MODELS
 from torch_activegp.errors import ConfigurationError
 from torch_activegp.experiments import TASKS
 
@@ -40,12 +41,35 @@ Episodes = Annotated[int, typer.Option(min=1, help="Episodes of each run.")]
 Steps = Annotated[int, typer.Option(min=1, help="Steps of each episode (N in the paper).")]
 Horizon = Annotated[int, typer.Option(min=1, help="Actions that are planned ahead.")]
 Seed = Annotated[int, typer.Option(min=0, help="Of every random draw: the same seed gives the same result.")]
+Threads = Annotated[int, typer.Option(min=0, help="Threads of the simulator; 0: one for each core.")]
 Out = Annotated[
     Path | None,
     typer.Option(
         help="Output folder: new or empty, unless --resume. By default runs/COMMAND-SYSTEM.", metavar="FOLDER"
     ),
 ]
+Model = Annotated[
+    str,
+    typer.Argument(
+        help="The simulator: an MJCF file; package.module:factory, a function that returns a Simulator; or the nominal "
+        f"model of a public data set: {', '.join(KNOWN_MODELS)}."
+    ),
+]
+Holdout = Annotated[
+    list[str] | None,
+    typer.Option(
+        help="Recording to compare on; may be repeated. Without it, a fifth is set aside.", metavar="RECORDING"
+    ),
+]
+Columns = Annotated[
+    Path | None, typer.Option(help="Renames and rescales columns of the recordings.", metavar="MAP.toml")
+]
+RECORDINGS = (
+    "CSV, Parquet, NPZ, HDF5, MAT or a TensorDict memmap, with columns time, qpos.JOINT, qvel.JOINT (may be left out), "
+    "ctrl.ACTUATOR, qfrc.JOINT in SI units; a quoted pattern such as 'run*.csv'; or public data: emps:train, "
+    "multiarm:train, laas:acc_current, balls:golf_ball_1."
+)
+"""What a recording on the command line may be."""
 Resume = Annotated[
     bool, typer.Option("--resume", help="Go on with the run in the output folder, e.g. with more --episodes.")
 ]

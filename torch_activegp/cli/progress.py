@@ -89,6 +89,75 @@ class EpisodeProgress:
         return "" if self.seconds_left is None else f", about {show_time(self.seconds_left)} left"
 
 
+class StageProgress:
+    """Shows which stage a long computation is in; a context manager.
+
+    Args:
+        console: where to show it.
+        title: what is being done.
+        interval: time between two lines where there is no terminal, s.
+        clock: the present time, s.
+    """
+
+    def __init__(
+        self, console: Console, title: str, *, interval: float = 10.0, clock: Callable[[], float] = time.monotonic
+    ) -> None:
+        self.console, self.title = console, title
+        self.interval, self.clock = interval, clock
+        self._mark: tuple[float, float] | None = None
+        self._shown = clock()
+        columns = (
+            TextColumn("{task.description}{task.fields[left]}", markup=False),
+            BarColumn(bar_width=20),
+            TimeElapsedColumn(),
+        )
+        self._bar = Progress(*columns, console=console, redirect_stdout=sys.stdout.isatty(), transient=True)
+        self._bar_task = self._bar.add_task(title, total=None, left="")
+
+    def __enter__(self) -> StageProgress:
+        """Show the bar."""
+        self._shown = self.clock()
+        if self.console.is_terminal:
+            self._bar.start()
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        """Take the bar away."""
+        if self.console.is_terminal:
+            self._bar.stop()
+
+    def tell(self, stage: str, done: float | None = None) -> None:
+        """Show a stage.
+
+        Args:
+            stage: what is being done, in words.
+            done: fraction done, 0 to 1; None where it is not known. Where it falls back, a new count has begun.
+        """
+        now = self.clock()
+        left = self._left(now, done)
+        words = f"{self.title}: {stage}"
+        self._bar.update(self._bar_task, description=words, total=None if done is None else 1.0, left=left)
+        if done is not None:
+            self._bar.update(self._bar_task, completed=done)
+        if not self.console.is_terminal and now - self._shown >= self.interval:
+            self._shown = now
+            share = "" if done is None else f", {done:.0%}"
+            self.console.print(f"{words}{share}{left}", highlight=False, markup=False, soft_wrap=True)
+
+    def _left(self, now: float, done: float | None) -> str:
+        """What remains at the pace since the count began."""
+        if done is None:
+            return ""
+        if self._mark is None or done < self._mark[1]:
+            self._mark = (now, done)
+        began, first = self._mark
+        if done == first:
+            return ""
+        return f", about {show_time((now - began) / (done - first) * (1 - done))} left"
+
+
 def show_time(seconds: float) -> str:
     """Minutes and seconds, or hours and minutes, in words.
 

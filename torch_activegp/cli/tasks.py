@@ -1,14 +1,17 @@
-"""From words on the command line to a task."""
+"""From words on the command line to a task or a simulator."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping
 from difflib import get_close_matches
+from pathlib import Path
 
+from torch_activegp.data.known_sets import KNOWN_MODELS, known_model
 from torch_activegp.errors import ConfigurationError
 from torch_activegp.experiments import FITTED, METHODS, TASKS, Task, UserSimulator, set_bounds
 from torch_activegp.simulators import Simulator, load_simulator
 from torch_activegp.simulators.load import is_factory, load_factory
+from torch_activegp.simulators.mujoco_model import load_model
 
 
 def load_task(system: str, prior: str | None = None, bounds: Mapping[str, tuple[float, float]] | None = None) -> Task:
@@ -41,6 +44,30 @@ def load_task(system: str, prior: str | None = None, bounds: Mapping[str, tuple[
     for each in (made, simulator):
         set_bounds(each, bounds or {})
     return Task(system, UserSimulator(made, system), UserSimulator(simulator, prior, finite=False), FITTED)
+
+
+def find_model(word: str) -> Path | Simulator:
+    """The simulator that a user wants diagnosed.
+
+    Args:
+        word: an MJCF file, ``package.module:factory``, or the name of a public data set, for its nominal model.
+
+    Returns:
+        The path of a file that compiles, or the factory's simulator.
+
+    Raises:
+        ConfigurationError: there is no such model, or it cannot be made.
+    """
+    if is_factory(word):
+        return load_simulator(word)
+    path = Path(known_model(word) if word in KNOWN_MODELS else word)
+    if not path.is_file():
+        raise ConfigurationError(
+            f"Unknown model {word!r}{_guess(word, KNOWN_MODELS)} Wanted an MJCF file (none is there; working folder: "
+            f"{Path.cwd()}), package.module:factory, or one of {', '.join(KNOWN_MODELS)}."
+        )
+    load_model(path)
+    return path
 
 
 def check_methods(names: list[str]) -> list[str]:

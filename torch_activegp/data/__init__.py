@@ -1,9 +1,13 @@
 """Recordings of machines: loaded, checked, and turned into TensorDicts."""
 
 from torch_activegp.data.angles import unwrap_angles
+from torch_activegp.data.balls import balls_model, load_balls
 from torch_activegp.data.columns import ColumnMap, ColumnRule
 from torch_activegp.data.emps import emps_model, load_emps
+from torch_activegp.data.known_sets import known_model, known_names, known_recordings
+from torch_activegp.data.laas import laas_model, load_laas
 from torch_activegp.data.loading import load_recordings
+from torch_activegp.data.multiarm import load_multiarm, multiarm_model
 from torch_activegp.data.noise import noise_std
 from torch_activegp.data.public import PUBLIC_FILES, fetch
 from torch_activegp.data.recording import Recording
@@ -16,12 +20,21 @@ __all__ = [
     "ColumnMap",
     "ColumnRule",
     "Recording",
+    "balls_model",
     "choose_window",
     "emps_model",
     "estimate_velocities",
     "fetch",
+    "known_model",
+    "known_names",
+    "known_recordings",
+    "laas_model",
+    "load_balls",
     "load_emps",
+    "load_laas",
+    "load_multiarm",
     "load_recordings",
+    "multiarm_model",
     "noise_std",
     "resample",
     "to_transitions",

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 
-from torch_activegp.data import emps_model
+from torch_activegp.data.known_sets import KNOWN_MODELS, known_model
 from torch_activegp.errors import ConfigurationError
 from torch_activegp.simulators import MujocoSimulator, Simulator, load_simulator
 from torch_activegp.simulators.load import is_factory
@@ -20,7 +20,8 @@ def nominal_simulator(model: str, dt: float | None = None, *, external_force: bo
     multiple of them. A factory's simulator has the step that its author gave it.
 
     Args:
-        model: an MJCF file, ``package.module:factory``, or ``emps``, the nominal model of the EMPS benchmark.
+        model: an MJCF file, ``package.module:factory``, or the name of a public data set
+            (:data:`~torch_activegp.data.known_sets.KNOWN_MODELS`), for its nominal model.
         dt: time between two states, s; None leaves the model's own.
         external_force: append the joints' generalised forces to the action of an MJCF model.
 
@@ -36,7 +37,8 @@ def nominal_simulator(model: str, dt: float | None = None, *, external_force: bo
     if is_factory(model):
         simulator = load_simulator(model)
     else:
-        simulator = load_simulator(str(emps_model()) if model == "emps" else model, external_force=external_force)
+        path = known_model(model) if model in KNOWN_MODELS else model
+        simulator = load_simulator(path, external_force=external_force)
     if not is_factory(model) and isinstance(simulator, MujocoSimulator) and dt is not None:
         simulator = _at_step(simulator, dt, external_force)
     _check(simulator, dt, model)

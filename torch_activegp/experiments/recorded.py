@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from collections import Counter
 from collections.abc import Sequence
 from pathlib import Path
 
@@ -13,7 +14,7 @@ from torch_activegp.data import (
     ColumnMap,
     Recording,
     estimate_velocities,
-    load_emps,
+    known_recordings,
     load_recordings,
     resample,
     to_transitions,
@@ -24,7 +25,7 @@ from torch_activegp.errors import DataError
 from torch_activegp.keys import ACTION, STATE
 from torch_activegp.simulators import Simulator
 
-_DATA_SETS = {"emps": load_emps}
+_KNOWN = re.compile(r"\w{2,}:\w*")  # one letter is a drive of Windows
 _SHARE_HELD_OUT = 5
 
 
@@ -32,28 +33,42 @@ def load_named(words: Sequence[str], columns: ColumnMap | Path | None = None) ->
     """Load what a user names on the command line.
 
     Args:
-        words: files or patterns (:func:`~torch_activegp.data.load_recordings`), or public data: ``emps:train``,
-            ``emps:test``.
+        words: files or patterns (:func:`~torch_activegp.data.load_recordings`), or public data such as ``emps:train``
+            (:func:`~torch_activegp.data.known_names`).
         columns: a column map for the files, or its path.
 
     Returns:
         All runs, in the order of the words.
 
     Raises:
-        DataError: there is no such file or data set, or a file is no recording.
+        DataError: there is no such file or data set, a file is no recording, or a run comes twice.
     """
+    columns = ColumnMap.from_toml(columns) if isinstance(columns, Path) else columns
     recordings: list[Recording] = []
     for word in words:
-        name, _, split = word.partition(":")
-        if re.fullmatch(r"\w{2,}:\w*", word) and not Path(word).exists():
-            if name not in _DATA_SETS:
-                raise DataError(
-                    f"unknown data set `{word}`: emps:train or emps:test wanted, or the path of a recording."
-                )
-            recordings.append(_DATA_SETS[name](split))
-        else:
-            recordings += load_recordings(word, columns)
+        known = _KNOWN.fullmatch(word) and not Path(word).exists()
+        recordings += known_recordings(word) if known else load_recordings(word, columns)
+    found = Counter((recording.source and recording.source.resolve(), recording.label) for recording in recordings)
+    for (_, label), count in found.items():
+        if count > 1:
+            raise DataError(f"{label} is given {count} times, and would count for as many runs. Name it once.")
     return recordings
+
+
+def load_apart(
+    words: Sequence[str], holdout: Sequence[str], columns: ColumnMap | Path | None = None
+) -> tuple[list[Recording], list[Recording]]:
+    """Load what a user names to learn from, and what to hold out.
+
+    Raises:
+        DataError: as :func:`load_named`, and where something is both learned from and held out.
+    """
+    for word in holdout:
+        if word in words:
+            raise _not_apart(word)
+    recordings, held_out = load_named(words, columns), load_named(holdout, columns)
+    check_apart(recordings, held_out)
+    return recordings, held_out
 
 
 def set_aside(recordings: Sequence[Recording]) -> tuple[list[Recording], list[Recording], str]:
@@ -87,10 +102,14 @@ def check_apart(recordings: Sequence[Recording], holdout: Sequence[Recording]) -
     sources = {recording.source.resolve() for recording in recordings if recording.source is not None}
     for recording in holdout:
         if recording.source is not None and recording.source.resolve() in sources:
-            raise DataError(
-                f"{recording.name} is both learned from and held out, so its errors would say nothing. Hold another "
-                "recording out, or leave --holdout out: a part is then set aside."
-            )
+            raise _not_apart(recording.name)
+
+
+def _not_apart(name: str) -> DataError:
+    return DataError(
+        f"{name} is both learned from and held out, so its errors would say nothing. Hold another recording out, or "
+        "leave --holdout out: a part is then set aside."
+    )
 
 
 def check_columns_known(recordings: Sequence[Recording], simulator: Simulator, name: str) -> None:

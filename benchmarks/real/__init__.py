@@ -1,0 +1,1 @@
+"""Diagnosis of real recordings against what is known of them."""

@@ -1,0 +1,230 @@
+"""The truth of the concealed cases is right, and its scorer gives what is due."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Any
+
+import mujoco
+import numpy as np
+import pandas as pd
+import pytest
+
+pytest.importorskip("numba")
+
+from benchmarks.concealed.cases import COUNTS, list_cases, make_case
+from benchmarks.concealed.dynamics import mass_and_bias, read_tree
+from benchmarks.concealed.equivalence import equals, overlap
+from benchmarks.concealed.markdown import rate, report
+from benchmarks.concealed.peers import regression
+from benchmarks.concealed.plant import J, read_plant
+from benchmarks.concealed.run import attempt
+from benchmarks.concealed.score import area, score_all, score_case
+from benchmarks.concealed.systems import SYSTEMS, write_model
+from benchmarks.concealed.truth import open_loop, simulate
+
+
+@pytest.mark.parametrize("name", SYSTEMS)
+def test_mass_matrix_and_bias_are_those_of_the_engine(name: str) -> None:
+    rng = np.random.default_rng(0)
+    model = mujoco.MjModel.from_xml_string(write_model(SYSTEMS[name], 100, rng))
+    data = mujoco.MjData(model)
+    data.qpos[:], data.qvel[:] = 0.1 * rng.normal(size=model.nq), rng.normal(size=model.nv)
+    mujoco.mj_forward(model, data)
+    expected, mass, bias = (np.zeros((model.nv, model.nv)), np.zeros((model.nv, model.nv)), np.zeros(model.nv))
+    mujoco.mj_fullM(model, data, expected)
+    mass_and_bias(read_tree(model), data.qpos.copy(), data.qvel.copy(), mass, bias)
+    np.testing.assert_allclose(mass + np.diag(model.dof_armature), expected, atol=1e-12)
+    np.testing.assert_allclose(bias, data.qfrc_bias, atol=1e-12)
+
+
+@pytest.mark.parametrize("name", SYSTEMS)
+def test_without_an_effect_truth_and_nominal_agree_far_below_the_noise(name: str) -> None:
+    rng = np.random.default_rng(1)
+    system = SYSTEMS[name]
+    model = mujoco.MjModel.from_xml_string(write_model(system, 100, rng))
+    model.opt.timestep, model.opt.integrator = 1e-4, mujoco.mjtIntegrator.mjINT_RK4
+    model.dof_frictionloss[:] = 0  # the engine's dry friction creeps
+    if name == "striker":
+        model.opt.integrator = mujoco.mjtIntegrator.mjINT_IMPLICITFAST
+    plant, data = read_plant(model), mujoco.MjData(model)
+    time = np.arange(0, 1, 0.01)
+    size = 0.3 if system.servo else 0.2 / model.actuator_gear[:, 0] * plant.tree.mass[0]
+    controls = np.sin(2 * np.pi * 0.8 * time)[:, None] * np.broadcast_to(size, model.nu)
+    q0 = rng.uniform(0.1, 0.3, model.nq) * system.spread
+    motion = simulate(plant, open_loop(time, controls, model.nv), q0, np.zeros(model.nv))
+    data.qpos[:] = q0
+    for row, control in zip(motion.q, controls, strict=True):
+        np.testing.assert_allclose(row, data.qpos, atol=2e-5)
+        data.ctrl[:] = control
+        for _ in range(100):
+            mujoco.mj_step(model, data)
+
+
+def free_block(**columns: float) -> Any:
+    """A block of 2 kg on a slide without losses."""
+    model = mujoco.MjModel.from_xml_string(
+        "<mujoco><worldbody><body name='b'><joint name='x' type='slide' axis='1 0 0' armature='1'/>"
+        "<geom type='box' size='.1 .1 .1' mass='2'/></body></worldbody>"
+        "<actuator><motor name='m' joint='x'/></actuator></mujoco>"
+    )
+    plant = read_plant(model)
+    for name, value in columns.items():
+        plant.joint[0, J[name]] = value
+    return plant
+
+
+def test_dry_friction_sticks_exactly_and_then_slides_as_the_formula_says() -> None:
+    time = np.arange(0, 1, 0.01)
+    plant = free_block(DRY_FORTH=1.5, DRY_BACK=1.5)
+    for push, acceleration in ((1.4, 0.0), (2.1, 0.2)):
+        motion = simulate(plant, open_loop(time, np.full((100, 1), push), 1), [0.0], [0.0])
+        np.testing.assert_allclose(motion.q[:, 0], acceleration * time**2 / 2, atol=1e-9)
+
+
+def test_play_moves_the_load_only_when_the_rotor_has_crossed_it() -> None:
+    time = np.arange(0, 0.5, 0.01)
+    motion = simulate(free_block(GAP=0.2), open_loop(time, np.ones((50, 1)), 1), [0.0], [0.0])
+    contact = np.sqrt(2 * 0.1)  # the rotor of 1 kg crosses half the gap under 1 N
+    assert np.all(motion.q[time < contact - 0.01] == 0)
+    after = time > contact + 0.02
+    speed, since = contact / 3, time[after] - contact  # inelastic: momentum is shared
+    np.testing.assert_allclose(motion.q[after, 0], speed * since + since**2 / 6, atol=2e-4)
+
+
+def test_a_set_is_fixed_by_its_seed_and_large_enough() -> None:
+    assert list_cases(3) == list_cases(3)
+    kinds = [spec.kind for spec in list_cases(3)]
+    assert kinds != [spec.kind for spec in list_cases(4)]
+    assert kinds.count("controls") >= 200
+    assert len(kinds) - kinds.count("controls") >= 300
+    assert set(COUNTS) == set(kinds)
+
+
+@pytest.fixture(scope="module")
+def made(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, dict[str, Any]]:
+    out = tmp_path_factory.mktemp("cases")
+    spec = next(spec for spec in list_cases(5, {"single": 2}) if spec.index == 1)
+    folder = make_case(spec, out)
+    return folder, json.loads((out / "keys" / f"{spec.name}.json").read_text(encoding="utf-8"))
+
+
+@pytest.mark.slow
+def test_a_case_holds_a_model_and_recordings_and_nothing_of_the_key(made: tuple[Path, dict[str, Any]]) -> None:
+    folder, key = made
+    model = mujoco.MjModel.from_xml_path(str(folder / "model.xml"))
+    names = sorted(path.name for path in folder.iterdir())
+    assert names[0] == "model.xml"
+    assert len(names) == 1 + key["recordings"]["train"] + key["recordings"]["test"]
+    table = pd.read_csv(folder / "train_1.csv")
+    assert {f"qpos.{model.joint(j).name}" for j in range(model.njnt)} <= set(table)
+    assert np.diff(table["time"]).min() > 0
+    assert key["effects"][0]["name"] == "coulomb_friction"
+    assert 1.02 < key["chi2_per_dof"] < 150
+
+
+KEY: dict[str, Any] = {
+    "case": "case_000", "kind": "single", "system": "pendulum", "loop": "open loop", "rate": 100, "chi2_per_dof": 3.0,
+    "noise": {"qpos.hinge": 1e-3}, "concealments": [], "retuned": False,
+    "machine": {"joints": ["hinge"], "bodies": ["rod"], "motors": {"drive": "hinge"}},
+    "effects": [{"name": "actuator_delay", "target": "actuator:drive", "region": None,
+                 "parameters": {"seconds": {"value": 0.01, "unit": "s"}}}],
+}  # fmt: skip
+
+
+def answer(*entries: tuple[str, str], verdict: str = "named", ties: list[dict[str, str]] | None = None) -> dict:
+    effects = [
+        {"name": name, "target": target, "probability": 0.97, "ties": ties or [],
+         "parameters": {"seconds": {"value": 0.011, "unit": "s", "ci95": [0.009, 0.013]}}}
+        for name, target in entries
+    ]  # fmt: skip
+    return {"verdict": verdict, "mismatch": {"detected": verdict != "none"}, "effects": effects,
+            "location": [{"target": "joint:hinge", "region": None}]}  # fmt: skip
+
+
+def test_the_right_name_its_equal_and_a_tie_are_told_from_a_wrong_one() -> None:
+    right = score_case(KEY, answer(("actuator_delay", "actuator:drive")))
+    assert right["exact"] and right["tied"] and not right["any_wrong"] and right["placed"] == 1
+    assert right["parameters"] == [
+        {"effect": "actuator_delay", "parameter": "seconds", "error": pytest.approx(0.1), "covered": True}
+    ]
+    assert score_case(KEY, answer(("sensor_delay", "sensor:hinge_encoder")))["exact"]
+    ties = [{"name": "actuator_delay", "target": "actuator:drive"}]
+    tie = score_case(KEY, answer(("actuator_lag", "actuator:drive"), verdict="tie", ties=ties))
+    assert (tie["exact"], tie["tied"], tie["any_wrong"], tie["ties"]) == (False, True, False, 2)
+    wrong = score_case(KEY, answer(("actuator_delay", "actuator:drive"), ("coulomb_friction", "joint:hinge")))
+    assert not wrong["exact"] and wrong["any_wrong"]
+    assert score_case(KEY, answer(verdict="unknown"))["abstained"]
+
+
+def test_controls_outside_effects_and_parts_of_an_effect() -> None:
+    control = {**KEY, "kind": "controls", "effects": []}
+    assert not score_case(control, answer(verdict="none"))["false_alarm"]
+    assert score_case(control, answer(verdict="unknown"))["false_alarm"]
+    outside = {**KEY, "kind": "outside", "effects": [{**KEY["effects"][0], "name": "hum", "target": "joint:hinge"}]}
+    assert score_case(outside, answer(("actuator_bias", "actuator:drive")))["any_wrong"]
+    dry = {"name": "asymmetric_friction", "target": "joint:hinge", "region": None,
+           "parameters": {"positive_level": {"value": 1.0}, "negative_level": {"value": 0.4}}}  # fmt: skip
+    split = answer(("coulomb_friction", "joint:hinge"), ("actuator_bias", "actuator:drive"))
+    assert score_case({**KEY, "effects": [dry]}, split)["exact"]
+
+
+def test_a_run_that_fails_is_counted(tmp_path: Path) -> None:
+    for name in ("case_000", "case_001"):
+        (tmp_path / "keys").mkdir(exist_ok=True)
+        (tmp_path / "keys" / f"{name}.json").write_text(json.dumps({**KEY, "case": name}), encoding="utf-8")
+    failed = tmp_path / "results" / "diagnosis" / "case_000" / "failed.txt"
+    failed.parent.mkdir(parents=True)
+    failed.write_text("no", encoding="utf-8")
+    (row,), missing = score_all(tmp_path)
+    assert (row["verdict"], row["exact"], missing) == ("failed", False, ["case_001"])
+
+
+def test_equal_names_overlap_and_others_do_not() -> None:
+    force, bias = ("constant_force", "joint:hinge"), ("actuator_bias", "actuator:drive")
+    assert equals(force, KEY) == {force, bias}
+    assert overlap([force, bias], KEY)
+    assert not overlap([force, ("coulomb_friction", "joint:hinge")], KEY)
+
+
+def test_the_figures_of_the_report() -> None:
+    assert rate(9, 10) == "90.0 % (55.5-99.7, n = 10)"
+    assert area(np.array([False, False, True, True]), np.array([0.0, 1.0, 1.0, 2.0])) == 0.875
+    row = {**score_case(KEY, answer(("actuator_delay", "actuator:drive"))), "seconds": 3.0}
+    text = report([row], [], "Title")
+    assert "| exact set | 100.0 % (2.5-100.0, n = 1) |" in text
+    assert "| actuator_delay | 1/1 | 1/1 | actuator_delay 1 |" in text
+
+
+def test_a_case_that_fails_leaves_its_message(tmp_path: Path) -> None:
+    message = attempt(tmp_path / "case_000", tmp_path / "out", way="nobody")
+    assert message is not None and "pysindy, regression, sysid, gp" in message
+    assert "nobody" in (tmp_path / "out" / "failed.txt").read_text(encoding="utf-8")
+
+
+def write_case(folder: Path, viscous: float) -> None:
+    text = write_model(SYSTEMS["pendulum"], 200, np.random.default_rng(3))
+    model = mujoco.MjModel.from_xml_string(text)
+    (folder / "model.xml").write_text(text, encoding="utf-8")
+    plant, rng, time = read_plant(model), np.random.default_rng(0), np.arange(0, 6, 0.005)
+    plant.joint[0, J.VISCOUS] += viscous
+    joint, motor = model.joint(0).name, model.actuator(0).name
+    for number in range(4):
+        phase = rng.uniform(0, 6, 3)
+        push = np.sin(2 * np.pi * np.array([0.4, 0.9, 1.7]) * time[:, None] + phase).sum(1, keepdims=True)
+        controls = 0.5 * push / model.actuator_gear[0, 0]
+        motion = simulate(plant, open_loop(time, controls, 1), [0.0], [0.0])
+        reading = motion.q[:, 0] + 2e-4 * rng.normal(size=len(time))
+        columns = {"time": time, f"qpos.{joint}": reading, f"ctrl.{motor}": controls[:, 0]}
+        role = "train" if number < 3 else "test"
+        pd.DataFrame(columns).to_csv(folder / f"{role}_{number + 1}.csv", index=False)
+
+
+@pytest.mark.parametrize(("viscous", "verdict"), [(0.2, "named"), (0.0, "none")])
+def test_the_usual_regression_does_easy_cases(tmp_path: Path, viscous: float, verdict: str) -> None:
+    write_case(tmp_path, viscous)
+    answer = regression.diagnose(tmp_path)
+    assert answer["verdict"] == verdict
+    if viscous:
+        assert answer["effects"][0]["name"] == "viscous_friction"

@@ -1,0 +1,173 @@
+"""A pendulum whose truth this file integrates itself, recorded with what its MuJoCo model leaves out."""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Callable
+
+import mujoco
+import numpy as np
+import pytest
+
+from torch_activegp.data import Recording
+from torch_activegp.diagnosis import Diagnosis, diagnose
+from torch_activegp.diagnosis.engine import Candidate, Engine
+from torch_activegp.diagnosis.fit import Fit
+from torch_activegp.diagnosis.machine import Machine, make_machine
+from torch_activegp.diagnosis.noise_model import NoiseModel
+from torch_activegp.diagnosis.places import effects_for
+from torch_activegp.diagnosis.runs import Channels, Run
+from torch_activegp.diagnosis.segments import Segments, cut
+from torch_activegp.diagnosis.shooting import Shooting
+from torch_activegp.physics import Effect
+
+XML = """
+<mujoco model="pendulum"><option timestep="0.005" integrator="RK4"/><worldbody>
+<body name="rod"><joint name="hip" axis="0 1 0"/>
+<inertial pos="0 0 -0.5" mass="1" diaginertia="0.08 0.08 0.001"/></body></worldbody>
+<actuator><motor name="drive" joint="hip"/></actuator></mujoco>"""
+INERTIA = 0.08 + 0.5**2
+NOISE = 1e-3
+RATE = 100
+SUBSTEPS = 4
+VISCOUS = 0.06
+_LAWS: dict[str, Callable[[np.ndarray, np.ndarray], np.ndarray]] = {
+    "none": lambda q, v: np.zeros_like(q),
+    "viscous": lambda q, v: -VISCOUS * v,
+    "bump": lambda q, v: 0.8 * np.exp(-(((q - 0.4) / 0.08) ** 2)),
+}
+
+
+def swing(kind: str, seed: int, seconds: float = 2.0) -> dict[str, np.ndarray]:
+    """Columns of a run: J a = -m g l sin q + u + law(q, v), by Runge-Kutta, with white noise on the position."""
+    rng = np.random.default_rng(seed)
+    time = np.arange(round(seconds * RATE) + 1) / RATE
+    frequency, phase = rng.uniform(0.3, 1.5, 3), rng.uniform(0, 2 * np.pi, 3)
+    control = (0.9 * np.sin(2 * np.pi * frequency * time[:, None] + phase)).sum(axis=1)
+    h = 1 / RATE / SUBSTEPS
+
+    def slope(x: np.ndarray, u: float) -> np.ndarray:
+        torque = -9.81 * 0.5 * np.sin(x[0]) + u + _LAWS[kind](x[:1], x[1:])[0]
+        return np.array([x[1], torque / INERTIA])
+
+    x, angles = np.array([rng.normal(0.0, 0.5), 0.0]), []
+    for u in control:
+        angles.append(x[0])
+        for _ in range(SUBSTEPS):
+            a = slope(x, u)
+            b = slope(x + h / 2 * a, u)
+            c = slope(x + h / 2 * b, u)
+            x = x + h / 6 * (a + 2 * b + 2 * c + slope(x + h * c, u))
+    return {"time": time, "qpos.hip": np.array(angles) + NOISE * rng.normal(size=len(time)), "ctrl.drive": control}
+
+
+@dataclasses.dataclass(frozen=True)
+class Bench:
+    """What the diagnosis works with for a pendulum of one kind."""
+
+    kind: str
+    machine: Machine
+    engine: Engine
+    segments: Segments
+    shooting: Shooting
+    effects: tuple[Effect, ...]
+    nominal: Fit
+
+    xml = XML
+    noise = NOISE
+    viscous = VISCOUS
+
+    def effect(self, name: str, target: str = "joint:hip") -> Effect:
+        return next(effect for effect in self.effects if effect.key == (name, target))
+
+    def fit(self, name: str, *values: float) -> Fit:
+        return self.shooting.fit([((self.effect(name),), (np.array(values),))], self.nominal.starts)[0]
+
+    def predict(self, candidate: Candidate, starts: np.ndarray | None = None) -> np.ndarray:
+        """Positions ``(S, K + 1, C)`` from the nominal's initial states."""
+        begin = self.nominal.starts if starts is None else starts
+        return self.engine.predict(self.segments, begin[None], [candidate])[0][0]
+
+
+def make_bench(kind: str) -> Bench:
+    model = mujoco.MjModel.from_xml_string(XML)
+    recordings = [Recording.from_columns(f"run{i}", swing(kind, i)) for i in range(2)]
+    machine = make_machine(model, recordings, [Recording.from_columns("kept", swing(kind, 9))])
+    engine = Engine(model, machine.channels, 2, 1)
+    segments = cut(machine.fit, 0.5, 0.1)
+    shooting = Shooting(engine, segments, NoiseModel.white(np.array([NOISE])))
+    nominal = shooting.fit([((), ())], engine.starts(segments))[0]
+    effects = tuple(effects_for(model, machine.channels, machine.fit))
+    return Bench(kind, machine, engine, segments, shooting, effects, nominal)
+
+
+@pytest.fixture(scope="session")
+def bench() -> Bench:
+    """A pendulum with viscous friction that its model leaves out."""
+    return make_bench("viscous")
+
+
+@pytest.fixture(scope="session")
+def clean() -> Bench:
+    """A pendulum that its model describes."""
+    return make_bench("none")
+
+
+@pytest.fixture(scope="session")
+def diagnosed() -> Callable[[str], Diagnosis]:
+    """The diagnosis of the pendulum of each kind, made once."""
+    made: dict[str, Diagnosis] = {}
+
+    def get(kind: str) -> Diagnosis:
+        if kind not in made:
+            recordings = [Recording.from_columns(f"run{i}", swing(kind, i)) for i in range(3)]
+            made[kind] = diagnose(XML, recordings, [Recording.from_columns("kept", swing(kind, 9))], nthread=1)
+        return made[kind]
+
+    return get
+
+
+@pytest.fixture(scope="session")
+def record() -> Callable[..., Recording]:
+    """Makes a recording of a kind and a seed, with columns replaced or, where they are None, left out."""
+
+    def make(
+        kind: str = "none", seed: int = 0, name: str = "run", seconds: float = 2.0, **changes: object
+    ) -> Recording:
+        columns = {**swing(kind, seed, seconds), **{k.replace("__", "."): v for k, v in changes.items()}}
+        return Recording.from_columns(name, {k: v for k, v in columns.items() if v is not None})
+
+    return make
+
+
+@pytest.fixture
+def model() -> mujoco.MjModel:
+    """The nominal model, and the one that MuJoCo loaded last."""
+    return mujoco.MjModel.from_xml_string(XML)
+
+
+@pytest.fixture(scope="session")
+def channels(record: Callable[..., Recording]) -> Channels:
+    return Channels.of(mujoco.MjModel.from_xml_string(XML), [record()])
+
+
+@pytest.fixture(scope="session")
+def make_plain_run() -> Callable[..., Run]:
+    """Makes a run of one channel from positions alone, at 100 Hz, every row recorded unless said."""
+
+    def make(position: np.ndarray, recorded: np.ndarray | None = None, noise: float = NOISE, label: str = "r") -> Run:
+        rows = len(position)
+        column = np.asarray(position, dtype=float)[:, None]
+        return Run(
+            label,
+            np.arange(rows) / RATE,
+            column,
+            np.ones(rows, dtype=bool) if recorded is None else recorded,
+            np.gradient(column, 1 / RATE, axis=0),
+            column,
+            np.zeros((rows - 1, 1)),
+            np.zeros((rows - 1, 1)),
+            np.array([noise]),
+        )
+
+    return make

@@ -1,0 +1,57 @@
+from __future__ import annotations
+
+import mujoco
+import numpy as np
+import pytest
+
+from torch_activegp.diagnosis.correction import corrected_xml
+from torch_activegp.physics import Effect
+
+
+@pytest.fixture
+def spec(bench) -> mujoco.MjSpec:
+    return mujoco.MjSpec.from_string(bench.xml)
+
+
+def test_an_effect_is_in_the_model_that_is_written(bench, spec) -> None:
+    before = spec.to_xml()
+    text, held, difference = corrected_xml(spec, [bench.effect("viscous_friction")], [np.array([0.06])], None)
+    assert mujoco.MjModel.from_xml_string(text).dof_damping[0] == pytest.approx(0.06)
+    assert held == [True]
+    assert spec.to_xml() == before
+    added = [line for line in difference.splitlines() if line.startswith("+ ")]
+    assert any('damping="0.06"' in line for line in added)
+
+
+def test_numerics_are_written_too(spec) -> None:
+    implicit = int(mujoco.mjtIntegrator.mjINT_IMPLICITFAST)
+    text, held, _ = corrected_xml(spec, [], [], (implicit, 0.0025))
+    model = mujoco.MjModel.from_xml_string(text)
+    assert (model.opt.integrator, model.opt.timestep, held) == (implicit, 0.0025, [])
+
+
+def test_what_mjcf_cannot_hold_is_said(bench, spec) -> None:
+    delay = bench.effect("sensor_delay", "sensor:hip")
+    assert corrected_xml(spec, [delay], [np.array([0.02])], None) == (None, [False], None)
+    both = [delay, bench.effect("viscous_friction")]
+    text, held, _ = corrected_xml(spec, both, [np.array([0.02]), np.array([0.1])], None)
+    assert held == [False, True]
+    assert mujoco.MjModel.from_xml_string(text).dof_damping[0] == pytest.approx(0.1)
+
+
+def test_without_effects_the_model_stays_the_same(spec) -> None:
+    text, _, difference = corrected_xml(spec, [], [], None)
+    assert (text, difference) == (spec.to_xml(), "")
+
+
+class Broken(Effect):
+    """Writes what does not compile."""
+
+    def write(self, spec: mujoco.MjSpec, values: np.ndarray) -> bool:
+        spec.add_actuator(trntype=mujoco.mjtTrn.mjTRN_JOINT, target="nowhere")
+        return True
+
+
+def test_a_model_that_does_not_compile_is_not_written(spec) -> None:
+    broken = Broken("joint:hip", (), np.zeros((1, 0)))
+    assert corrected_xml(spec, [broken], [np.zeros(0)], None) == (None, [False], None)

@@ -1,0 +1,96 @@
+from __future__ import annotations
+
+import json
+
+import mujoco
+import numpy as np
+import pytest
+
+from torch_activegp.diagnosis import diagnose
+from torch_activegp.errors import ConfigurationError, DataError
+
+
+def test_viscous_friction_is_named_with_its_coefficient(bench, diagnosed) -> None:
+    found = diagnosed("viscous")
+    (effect,) = found.effects
+    assert (found.verdict, effect.name, effect.target) == ("named", "viscous_friction", "joint:hip")
+    estimate = effect.parameters["coefficient"]
+    assert estimate.value == pytest.approx(bench.viscous, rel=0.05)
+    assert estimate.ci95[0] < bench.viscous < estimate.ci95[1]
+    assert effect.share == pytest.approx(1.0, abs=0.05)
+    assert effect.mjcf
+    assert "viscous_friction at joint:hip" in found.sentence
+    assert found.details["mismatch"]["noise"]["qpos.hip"] == pytest.approx(bench.noise, rel=0.15)
+
+
+def test_nothing_is_named_where_nothing_was_left_out(diagnosed) -> None:
+    found = diagnosed("none")
+    assert (found.verdict, found.effects, found.details["next_experiment"]) == ("none", (), None)
+    assert found.details["mismatch"]["detected"] is False
+    assert found.details["mismatch"]["p_value"] > 0.001
+    assert "next.csv" not in found.files
+
+
+def test_a_bump_over_the_position_is_unknown(diagnosed) -> None:
+    found = diagnosed("bump")
+    assert (found.verdict, found.effects) == ("unknown", ())
+    assert found.details["unexplained"]["white"] is False
+    assert "no effect on the list explains it" in found.sentence
+
+
+def test_the_corrected_model_reproduces_the_held_out_error_in_plain_mujoco(record, diagnosed) -> None:
+    found = diagnosed("viscous")
+    model = mujoco.MjModel.from_xml_string(found.files["corrected.xml"])
+    (trace,) = found.evidence["traces"]
+    data = mujoco.MjData(model)
+    data.qpos[0], data.qvel[0] = trace["start_after"]
+    substeps = round(0.01 / model.opt.timestep)
+    seen = []
+    for u in record("viscous", 9)["ctrl.drive"].tolist():
+        seen.append(data.qpos[0])
+        data.ctrl[:] = u
+        mujoco.mj_step(model, data, substeps)
+    measured = np.array(trace["measured"])
+    error = np.sqrt(np.mean((np.array(seen) - measured) ** 2)) / measured.std()
+    assert error == pytest.approx(found.details["fit"]["holdout"]["free_run"]["after"], rel=0.02)
+    assert error < 0.3 * found.details["fit"]["holdout"]["free_run"]["before"]
+
+
+def test_two_calls_give_equal_dictionaries(bench, record, diagnosed) -> None:
+    stages: list[str] = []
+    again = diagnose(
+        bench.xml,
+        [record("viscous", i, f"run{i}") for i in range(3)],
+        [record("viscous", 9, "kept")],
+        nthread=1,
+        tell=lambda words, done: stages.append(words),
+    )
+    first = diagnosed("viscous")
+    assert again.to_dict() == first.to_dict()
+    assert json.dumps(again.evidence) == json.dumps(first.evidence)
+    assert again.files == first.files
+    assert stages[0] == "reading" and "forecasting held-out runs" in stages
+
+
+def test_the_result_is_json_and_names_its_recordings(diagnosed, tmp_path) -> None:
+    found = diagnosed("viscous")
+    found.save(tmp_path)
+    read = json.loads((tmp_path / "diagnosis.json").read_text())
+    assert [(entry["name"], entry["role"]) for entry in read["recordings"]] == [
+        ("run0", "fit"),
+        ("run1", "fit"),
+        ("run2", "fit"),
+        ("kept", "holdout"),
+    ]
+    assert read["recordings"][0]["rate_hz"] == pytest.approx(100.0)
+    assert read["model"] == {"name": "MJCF text", "source": "MJCF text"}
+    assert 'damping="' in read["mjcf_diff"]
+
+
+def test_what_cannot_be_diagnosed_is_refused(bench, record) -> None:
+    with pytest.raises(DataError, match="no recording to fit"):
+        diagnose(bench.xml, [])
+    with pytest.raises(DataError, match=r"the model has no joint `knee`; its joints are hip"):
+        diagnose(bench.xml, [record(qpos__knee=np.linspace(0.0, 1.0, 201))])
+    with pytest.raises(ConfigurationError, match="no file `missing.xml`"):
+        diagnose("missing.xml", [record()])

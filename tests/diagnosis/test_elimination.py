@@ -1,0 +1,26 @@
+from __future__ import annotations
+
+import numpy as np
+
+from torch_activegp.diagnosis.elimination import eliminate
+
+
+def test_the_eliminated_normal_equations_equal_a_dense_least_squares() -> None:
+    rng = np.random.default_rng(0)
+    design, columns, residual = rng.normal(size=(5, 20, 2)), rng.normal(size=(5, 20, 3)), rng.normal(size=(5, 20))
+    linear = eliminate(design, columns, residual)
+    delta = np.linalg.solve(linear.normal.sum(0), linear.gradient.sum(0))
+    dense = np.zeros((100, 10 + 3))
+    for s in range(5):
+        dense[20 * s : 20 * (s + 1), 2 * s : 2 * s + 2] = design[s]
+        dense[20 * s : 20 * (s + 1), 10:] = columns[s]
+    wanted = np.linalg.lstsq(dense, residual.ravel(), rcond=None)[0]
+    np.testing.assert_allclose(delta, wanted[10:], atol=1e-10)
+    np.testing.assert_allclose(linear.states(delta).ravel(), wanted[:10], atol=1e-7)
+
+
+def test_states_that_nothing_sees_stay_where_they_are() -> None:
+    design = np.zeros((1, 6, 2))
+    design[0, :, 0] = 1.0
+    shift = eliminate(design, np.zeros((1, 6, 0)), np.ones((1, 6))).states(np.zeros(0))
+    np.testing.assert_allclose(shift, [[1.0, 0.0]], atol=1e-6)

@@ -1,0 +1,98 @@
+from __future__ import annotations
+
+import mujoco
+import numpy as np
+import pytest
+
+from torch_activegp.diagnosis.engine import NOMINAL, Candidate, Engine, substeps_for
+from torch_activegp.errors import ConfigurationError
+
+
+def by_hand(bench, s: int, damping: float = 0.0, push: float = 0.0) -> np.ndarray:
+    """Positions of one segment by plain MuJoCo."""
+    model = mujoco.MjModel.from_xml_string(bench.xml)
+    model.dof_damping[0] = damping
+    data = mujoco.MjData(model)
+    data.qpos[0], data.qvel[0] = bench.nominal.starts[s]
+    data.qfrc_applied[0] = push
+    seen = [data.qpos[0]]
+    for u in bench.segments.take("control")[s]:
+        data.ctrl[:] = u
+        mujoco.mj_step(model, data, 2)
+        seen.append(data.qpos[0])
+    return np.array(seen)
+
+
+def test_candidates_side_by_side_equal_plain_mujoco(bench) -> None:
+    force = np.full((bench.segments.size, bench.segments.intervals, 1), 0.1)
+    damped = Candidate((bench.effect("viscous_friction"),), (np.array([0.05]),))
+    candidates = [NOMINAL, damped, Candidate(force=force)]
+    starts = np.repeat(bench.nominal.starts[None], 3, axis=0)
+    read, speed = bench.engine.predict(bench.segments, starts, candidates)
+    assert read.shape == speed.shape == (3, bench.segments.size, bench.segments.intervals + 1, 1)
+    for s in (0, 5):
+        np.testing.assert_allclose(read[0, s, :, 0], by_hand(bench, s), atol=1e-12)
+        np.testing.assert_allclose(read[2, s, :, 0], by_hand(bench, s, push=0.1), atol=1e-12)
+        moved = np.abs(read[1, s, :, 0] - read[0, s, :, 0]).max()
+        assert np.abs(read[1, s, :, 0] - by_hand(bench, s, damping=0.05)).max() < 0.02 * moved
+
+
+def test_an_edited_model_is_put_back(bench) -> None:
+    before = bench.predict(NOMINAL)
+    loaded = Candidate((bench.effect("payload_mass", "body:rod"),), (np.array([0.5]),))
+    assert np.abs(bench.predict(loaded) - before).max() > 1e-3
+    np.testing.assert_array_equal(bench.predict(NOMINAL), before)
+
+
+def test_equal_inputs_give_equal_bits_whatever_ran_before(bench) -> None:
+    again = Engine(mujoco.MjModel.from_xml_string(bench.xml), bench.engine.channels, 2, 1)
+    fresh = again.predict(bench.segments, bench.nominal.starts[None], [NOMINAL])[0][0]
+    np.testing.assert_array_equal(bench.predict(NOMINAL), fresh)
+
+
+def test_many_candidates_are_simulated_in_several_calls(bench, monkeypatch) -> None:
+    candidates = [Candidate((bench.effect("viscous_friction"),), (np.array([c]),)) for c in (0.0, 0.1, 0.2)]
+    starts = np.repeat(bench.nominal.starts[None], 3, axis=0)
+    at_once = bench.engine.predict(bench.segments, starts, candidates)[0]
+    monkeypatch.setattr("torch_activegp.diagnosis.engine._MAX_ROWS", bench.segments.size)
+    np.testing.assert_array_equal(bench.engine.predict(bench.segments, starts, candidates)[0], at_once)
+
+
+def test_a_failed_simulation_is_nan_and_leaves_the_others_alone(bench) -> None:
+    starts = np.repeat(bench.nominal.starts[None], 2, axis=0)
+    starts[1, 2, 1] = np.inf
+    read, _ = bench.engine.predict(bench.segments, starts, [NOMINAL, NOMINAL])
+    assert np.isnan(read[1, 2, 1:]).all()
+    others = np.arange(bench.segments.size) != 2
+    np.testing.assert_array_equal(read[1, others], read[0, others])
+
+
+def test_starts_are_the_smoothed_recordings(bench) -> None:
+    starts = bench.engine.starts(bench.segments)
+    assert np.abs(starts - bench.nominal.starts).max(axis=0) == pytest.approx([0.0, 0.0], abs=0.2)
+    run = bench.segments.runs[1]
+    row = bench.segments.first[-1]
+    np.testing.assert_array_equal(starts[-1], [run.smooth[row, 0], run.velocity[row, 0]])
+
+
+def test_the_integrator_can_be_chosen_and_the_model_is_copied(bench, model) -> None:
+    implicit = int(mujoco.mjtIntegrator.mjINT_IMPLICITFAST)
+    engine = Engine(model, bench.engine.channels, 1, 1, implicit)
+    assert engine.model.opt.integrator == implicit
+    assert model.opt.integrator == int(mujoco.mjtIntegrator.mjINT_RK4)
+
+
+def test_substeps_are_at_least_one(bench, model) -> None:
+    assert substeps_for(model, bench.machine.fit) == 2
+    model = mujoco.MjModel.from_xml_string(bench.xml.replace("0.005", "0.05"))
+    assert substeps_for(model, bench.machine.fit) == 1
+
+
+def test_a_model_that_cannot_run_in_batches_is_refused(bench, monkeypatch) -> None:
+    def refuse(*_: object) -> None:
+        raise ValueError("no plugins")
+
+    monkeypatch.setattr("mujoco.batch.Batch", refuse)
+    engine = Engine(mujoco.MjModel.from_xml_string(bench.xml), bench.engine.channels, 2, 1)
+    with pytest.raises(ConfigurationError, match=r"in batches: no plugins\. Turn that feature off"):
+        engine.predict(bench.segments, bench.nominal.starts[None], [NOMINAL])

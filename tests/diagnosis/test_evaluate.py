@@ -1,0 +1,57 @@
+"""Errors of forecasts against an independent simulation, and what is refused."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+import pytest
+
+from torch_activegp.data import Recording
+from torch_activegp.diagnosis import evaluate
+from torch_activegp.errors import ConfigurationError, DataError
+from torch_activegp.simulators import Pendulum
+
+Record = Callable[..., Recording]
+
+
+def test_a_right_model_errs_by_the_noise_and_a_wrong_one_by_more(record: Record) -> None:
+    right = evaluate(model_text(), [record("none", 3)], nthread=1)
+    wrong = evaluate(model_text(), [record("bump", 3)], nthread=1)
+    assert set(right) == {"runs", "one_step", "free_run"}
+    assert right["free_run"]["error"] < 1.2 * right["free_run"]["noise"]
+    assert wrong["free_run"]["error"] > 3 * wrong["free_run"]["noise"]
+    assert wrong["one_step"]["error"] > right["one_step"]["error"]
+
+
+def test_noise_is_that_of_the_recording_in_its_standard_deviations(record: Record) -> None:
+    run = record("none", 3)
+    found = evaluate(model_text(), [run], nthread=1)
+    expected = 1e-3 / run["qpos.hip"].std().item()
+    assert found["free_run"]["noise"] == pytest.approx(expected, rel=0.3)
+
+
+def test_every_run_and_channel_has_its_own_entry_and_the_whole_is_their_rms(record: Record) -> None:
+    found = evaluate(model_text(), [record("bump", 3, "a"), record("bump", 4, "b")], nthread=1)
+    assert [(entry["run"], entry["channel"]) for entry in found["runs"]] == [("a", "qpos.hip"), ("b", "qpos.hip")]
+    for kind in ("one_step", "free_run"):
+        errors = [entry[kind]["error"] for entry in found["runs"]]
+        assert set(found["runs"][0][kind]) == {"error", "noise"}
+        assert found[kind]["error"] == pytest.approx(np.sqrt(np.mean(np.square(errors))))
+
+
+def test_no_recording_is_refused() -> None:
+    with pytest.raises(DataError, match="at least one"):
+        evaluate(model_text(), [])
+
+
+def test_a_simulator_that_is_no_mujoco_model_is_refused(record: Record) -> None:
+    with pytest.raises(ConfigurationError, match="MJCF wanted, found a Pendulum"):
+        evaluate(Pendulum(), [record()])
+
+
+def model_text() -> str:
+    return """<mujoco model="pendulum"><option timestep="0.005" integrator="RK4"/><worldbody>
+    <body name="rod"><joint name="hip" axis="0 1 0"/>
+    <inertial pos="0 0 -0.5" mass="1" diaginertia="0.08 0.08 0.001"/></body></worldbody>
+    <actuator><motor name="drive" joint="hip"/></actuator></mujoco>"""

@@ -1,0 +1,57 @@
+from __future__ import annotations
+
+import dataclasses
+
+import numpy as np
+import pytest
+
+from torch_activegp.diagnosis.evidence import laws, map_region, map_time
+from torch_activegp.diagnosis.locate import locate
+
+
+@pytest.fixture(scope="module")
+def damped(bench):
+    return bench.fit("viscous_friction", 0.05)
+
+
+def test_the_map_over_time_holds_chi2_per_sample_of_every_segment(bench, damped) -> None:
+    entries = map_time(bench.shooting, bench.nominal, damped)
+    assert [entry["run"] for entry in entries] == ["run0", "run1"]
+    assert sum(len(entry["time"]) for entry in entries) == bench.segments.size
+    counts = bench.segments.counts.sum(axis=1)
+    own = bench.segments.run == 1
+    np.testing.assert_allclose(entries[1]["before"], bench.nominal.per_segment[own] / counts[own])
+    assert np.mean(entries[1]["after"]) == pytest.approx(1.0, abs=0.3)
+    assert np.mean(entries[1]["before"]) > 3.0
+    assert entries[0]["time"] == sorted(entries[0]["time"])
+
+
+def test_the_map_over_regions_shows_the_force_gone(bench, damped) -> None:
+    before, after = locate(bench.shooting, bench.nominal), locate(bench.shooting, damped)
+    entries = {entry["over"]: entry for entry in map_region(before, after)}
+    speed = entries["qvel.hip"]
+    assert speed["channel"] == "joint:hip"
+    assert len(speed["edges"]) == len(speed["before"]) + 1 == len(speed["count"]) + 1
+    assert np.mean(speed["before"]) > 20.0 > 3.0 > np.mean(speed["after"])
+
+
+def test_regions_whose_bins_changed_are_left_out(bench) -> None:
+    (first, *rest) = locate(bench.shooting, bench.nominal)
+    fewer = dataclasses.replace(first, force=first.force[1:])
+    entries = map_region([first, *rest], [fewer, *rest])
+    assert [entry["over"] for entry in entries] == [region.over for region in rest]
+
+
+def test_the_law_runs_through_the_residual_force(bench, damped) -> None:
+    (law,) = laws(bench.shooting, damped, damped.effects, ())
+    assert (law["name"], law["target"], law["over"]) == ("viscous_friction", "joint:hip", "qvel.hip")
+    assert (law["unit_x"], law["unit_y"]) == ("rad/s", "N m")
+    np.testing.assert_allclose(law["law_y"], -damped.values[0][0] * np.array(law["law_x"]))
+    away = np.interp(law["x"], law["law_x"], law["law_y"]) - law["force"]
+    assert np.sqrt(np.mean((away / np.maximum(law["force_sd"], 0.01)) ** 2)) < 3.0
+    assert np.ptp(law["force"]) > 0.5 * np.ptp(law["law_y"])
+
+
+def test_an_effect_without_a_force_law_has_none(bench) -> None:
+    fit = bench.fit("armature_error", 0.01)
+    assert laws(bench.shooting, fit, fit.effects, ()) == []

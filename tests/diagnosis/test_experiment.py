@@ -1,0 +1,87 @@
+from __future__ import annotations
+
+import io
+
+import mujoco
+import numpy as np
+import pandas as pd
+import pytest
+
+from torch_activegp.diagnosis.engine import Engine
+from torch_activegp.diagnosis.experiment import SECONDS, next_experiment
+
+
+@pytest.fixture(scope="module")
+def rivals(bench) -> list:
+    return [bench.fit("viscous_friction", 0.05), bench.fit("quadratic_drag", 0.02)]
+
+
+def test_the_controls_stay_within_what_was_seen_and_are_a_recording(bench, rivals) -> None:
+    entry, text = next_experiment(bench.engine, rivals, bench.machine.fit, bench.shooting.noise, 0)
+    table = pd.read_csv(io.StringIO(text))
+    assert list(table) == ["time", "ctrl.drive"]
+    np.testing.assert_allclose(table["time"], np.arange(round(100 * SECONDS) + 1) / 100)
+    seen = max(np.abs(run.control).max() for run in bench.machine.fit)
+    assert 0.05 * seen < table["ctrl.drive"].abs().max() <= seen + 1e-9
+    assert entry["separates"] == ["viscous_friction", "quadratic_drag"]
+    assert entry["controls"] == "next.csv"
+    assert "run0" in entry["why"]
+
+
+def test_the_predicted_gain_is_what_the_rivals_differ_by(bench, rivals) -> None:
+    entry, text = next_experiment(bench.engine, rivals, bench.machine.fit, bench.shooting.noise, 0)
+    control = pd.read_csv(io.StringIO(text))["ctrl.drive"].to_numpy()
+    ends = []
+    for fit in rivals:
+        model = mujoco.MjModel.from_xml_string(bench.xml)
+        data = mujoco.MjData(model)
+        run = bench.machine.fit[0]
+        data.qpos[0], data.qvel[0] = run.smooth[0, 0], run.velocity[0, 0]
+        seen = []
+        for u in control:
+            seen.append(data.qpos[0])
+            data.ctrl[:] = u
+            for _ in range(2):
+                data.qfrc_applied[0] = fit.effects[0].force(data.qpos, data.qvel, fit.values[0])[0]
+                mujoco.mj_step(model, data)
+        ends.append(np.array(seen))
+    assert entry["predicted_gain"] == pytest.approx((((ends[0] - ends[1]) / bench.noise) ** 2).sum(), rel=0.05)
+
+
+def test_of_several_trials_the_one_that_separates_most_is_taken(bench, rivals, monkeypatch) -> None:
+    arguments = (bench.engine, rivals, bench.machine.fit, bench.shooting.noise, 0)
+    many = next_experiment(*arguments)[0]["predicted_gain"]
+    monkeypatch.setattr("torch_activegp.diagnosis.experiment._TRIALS", 1)
+    assert next_experiment(*arguments)[0]["predicted_gain"] < many
+
+
+def test_equal_seeds_give_equal_controls_and_others_do_not(bench, rivals) -> None:
+    first, again, other = (
+        next_experiment(bench.engine, rivals, bench.machine.fit, bench.shooting.noise, seed)[1] for seed in (3, 3, 4)
+    )
+    assert first == again != other
+
+
+@pytest.mark.parametrize(("low", "high"), [(-0.2, 0.3), (0.0, 0.5)])
+def test_the_limits_of_the_actuator_hold(bench, rivals, low, high) -> None:
+    motor = f'<motor ctrllimited="true" ctrlrange="{low} {high}"'
+    engine = Engine(mujoco.MjModel.from_xml_string(bench.xml.replace("<motor", motor)), bench.engine.channels, 2, 1)
+    _, text = next_experiment(engine, rivals, bench.machine.fit, bench.shooting.noise, 0)
+    control = pd.read_csv(io.StringIO(text))["ctrl.drive"]
+    assert low <= control.min() < control.max() <= high
+    assert np.ptp(control) > 0.1
+
+
+def test_an_actuator_without_input_has_no_column(bench, rivals) -> None:
+    loss = '<dcmotor name="loss" joint="hip" motorconst="0 0" resistance="1" input="none"/><motor'
+    engine = Engine(mujoco.MjModel.from_xml_string(bench.xml.replace("<motor", loss)), bench.engine.channels, 2, 1)
+    _, text = next_experiment(engine, rivals, bench.machine.fit, bench.shooting.noise, 0)
+    assert text.splitlines()[0] == "time,ctrl.drive"
+    assert len(text.splitlines()[1].split(",")) == 2
+
+
+def test_nothing_is_proposed_without_two_rivals_or_without_controls(bench, rivals) -> None:
+    arguments = (bench.machine.fit, bench.shooting.noise, 0)
+    assert next_experiment(bench.engine, rivals[:1], *arguments) is None
+    model = mujoco.MjModel.from_xml_string(bench.xml.split("<actuator>")[0] + "</mujoco>")
+    assert next_experiment(Engine(model, bench.engine.channels, 2, 1), rivals, *arguments) is None

@@ -1,0 +1,58 @@
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from torch_activegp.diagnosis.gauss_newton import Problem, give_up
+
+
+class Steps:
+    """A likelihood with a single state."""
+
+    def state_columns(self, starts: np.ndarray) -> np.ndarray:
+        return np.array([1e-3])
+
+
+@pytest.fixture
+def line(bench):
+    """A straight line through noise-free points: offset as the initial state, slope as the parameter."""
+    abscissa = np.linspace(-1.0, 2.0, 12)
+    measured = 0.7 + 0.3 * abscissa
+
+    def solve(start: float, hold: bool = False, rounds: int = 6) -> Problem:
+        effect = bench.effect("constant_force")
+        problem = Problem(Steps(), (effect,), (np.array([start]),), np.zeros((1, 1)), hold)
+        for number in range(rounds + 1):
+            if problem.finished:
+                break
+            candidates, states = problem.ask()
+            lines = [s[0, 0] + c.values[0][0] * abscissa for c, s in zip(candidates, states, strict=True)]
+            problem.tell(measured - np.array(lines)[:, None], last=number == rounds)
+        return problem
+
+    return solve
+
+
+def test_a_linear_problem_is_solved(line) -> None:
+    fit = line(5.0).result()
+    assert fit.values[0][0] == pytest.approx(0.3, abs=1e-4)
+    assert fit.starts[0, 0] == pytest.approx(0.7, abs=1e-4)
+    assert fit.chi2 < 1e-6
+
+
+def test_held_parameters_leave_the_states_free(line) -> None:
+    fit = line(5.0, hold=True).result()
+    assert fit.values[0][0] == 5.0
+    assert fit.starts[0, 0] == pytest.approx(0.7 - (5.0 - 0.3) * 0.5, abs=1e-3)
+
+
+def test_those_far_behind_give_up_and_the_best_three_go_on() -> None:
+    class Racer:
+        finished = False
+
+        def __init__(self, chi2: float) -> None:
+            self.chi2 = chi2
+
+    racers = [Racer(chi2) for chi2 in (900.0, 10.0, 5000.0, 30.0, 50.0, 99.0)]
+    give_up(racers)
+    assert [racer.finished for racer in racers] == [True, False, True, False, False, False]

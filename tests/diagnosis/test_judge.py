@@ -1,0 +1,71 @@
+from __future__ import annotations
+
+import dataclasses
+
+import numpy as np
+import pytest
+
+from torch_activegp.diagnosis.judge import judge, omnibus
+from torch_activegp.diagnosis.selection import Score, Selection
+
+
+def selection(bench, *fits, names: int = 20) -> Selection:
+    return Selection(bench.nominal, [bench.nominal, *fits], Score(bench.shooting.samples, names, 1.0))
+
+
+def test_a_free_force_explains_what_is_missing_and_no_noise(bench, clean) -> None:
+    missing, noise = omnibus(bench.shooting, bench.nominal), omnibus(clean.shooting, clean.nominal)
+    assert missing.p_value < 1e-12
+    assert missing.excess == pytest.approx(bench.nominal.chi2 - bench.shooting.dof, rel=0.15)
+    assert noise.p_value > 0.001
+    assert noise.excess < 40
+    fitted = omnibus(bench.shooting, bench.fit("viscous_friction", 0.05))
+    assert fitted.p_value > 0.001
+
+
+def test_noise_alone_is_none(clean) -> None:
+    judged = judge(clean.shooting, selection(clean))
+    assert (judged.verdict, judged.named, judged.unexplained, judged.white) == ("none", (), 0.0, True)
+
+
+def test_a_mismatch_that_no_set_explains_is_unknown(bench) -> None:
+    judged = judge(bench.shooting, selection(bench))
+    assert (judged.verdict, judged.named, judged.unexplained) == ("unknown", (), 1.0)
+    assert judged.p_value < 1e-12
+
+
+def test_a_set_that_leaves_much_is_unknown(bench) -> None:
+    judged = judge(bench.shooting, selection(bench, bench.fit("constant_force", 0.01)))
+    assert judged.verdict == "unknown"
+    assert judged.unexplained > 0.5
+    assert not judged.white
+
+
+def test_the_effect_that_explains_all_is_named(bench) -> None:
+    fit = bench.fit("viscous_friction", 0.05)
+    judged = judge(bench.shooting, selection(bench, fit, bench.fit("quadratic_drag", 0.02)))
+    assert (judged.verdict, judged.named, judged.ties, judged.retuned) == ("named", fit.effects, ((),), ())
+    assert judged.shares[0] == pytest.approx(1.0, abs=0.03)
+    assert judged.probabilities[0] > 0.99
+    assert judged.p_value < 1e-12
+    assert sum(weight for _, _, weight in judged.rivals) == pytest.approx(1.0)
+    distances = [distance for _, distance, _ in judged.rivals]
+    assert distances == sorted(distances) and distances[0] == 0.0
+
+
+def test_sets_that_score_alike_are_a_tie(bench) -> None:
+    fit = bench.fit("viscous_friction", 0.05)
+    twin = dataclasses.replace(fit, effects=(bench.effect("quadratic_drag"),), chi2=fit.chi2 + 3.0)
+    judged = judge(bench.shooting, selection(bench, fit, twin))
+    assert (judged.verdict, judged.ties) == ("tie", ((("quadratic_drag", "joint:hip"),),))
+    assert judged.probabilities[0] == pytest.approx(1 / (1 + np.exp(-1.5)), abs=0.02)
+    far = dataclasses.replace(twin, chi2=fit.chi2 + 9.0)
+    assert judge(bench.shooting, selection(bench, fit, far)).verdict == "named"
+
+
+def test_shares_go_by_what_each_adds(bench) -> None:
+    effects = (bench.effect("constant_force"), bench.effect("viscous_friction"))
+    both = bench.shooting.fit([(effects, (np.array([0.0]), np.array([0.05])))], bench.nominal.starts)[0]
+    judged = judge(bench.shooting, selection(bench, both))
+    assert [effect.name for effect in judged.named] == ["viscous_friction", "constant_force"]
+    assert judged.shares[0] > 0.95 > 0.05 > judged.shares[1] >= 0.0

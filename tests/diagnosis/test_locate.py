@@ -1,0 +1,68 @@
+from __future__ import annotations
+
+import mujoco
+import numpy as np
+import pytest
+
+from torch_activegp.diagnosis.locate import Region, actuated_joint, entries, locate
+
+
+def region(joint: str, force: list[float], over: str = "qpos.a", gain: float = 100.0, adjusted: float = 1e-9) -> Region:
+    n = len(force)
+    return Region(
+        joint, over, np.arange(n + 1.0), np.array(force), np.full(n, 0.1), np.full(n, 50.0), gain, adjusted, adjusted
+    )
+
+
+def test_the_residual_force_is_the_friction_that_the_model_lacks(bench) -> None:
+    found = {r.over: r for r in locate(bench.shooting, bench.nominal)}
+    assert set(found) == {"qpos.hip", "qvel.hip", "ctrl.drive"}
+    speed = found["qvel.hip"]
+    middle = 0.5 * (speed.edges[1:] + speed.edges[:-1])
+    known = speed.spread < 0.02
+    assert known.sum() >= 3
+    np.testing.assert_allclose(speed.force[known], -bench.viscous * middle[known], atol=0.05)
+    assert speed.adjusted < 1e-6
+    assert speed.count.sum() == bench.segments.size * bench.segments.intervals
+
+
+def test_noise_alone_is_nowhere(clean) -> None:
+    found = locate(clean.shooting, clean.nominal)
+    assert min(r.adjusted for r in found) > 0.01
+    assert entries([r for r in found if r.adjusted > 0.05], 0.0) == []
+
+
+def test_the_region_of_a_bump_is_the_shortest_with_most_of_its_energy() -> None:
+    assert region("a", [0, 0, 0, 5, 4, 0, 0, 0, 0, 0]).interval == (3.0, 5.0)
+    assert region("a", [1.0] * 10).interval is None
+    assert region("a", [0.0] * 10).interval is None
+
+
+def test_every_joint_with_something_gets_an_entry_by_share() -> None:
+    bump, flat = [0, 0, 0, 5, 4, 0, 0, 0, 0, 0], [1.0] * 10
+    found = entries(
+        [
+            region("a", flat, "qvel.a", 210.0),
+            region("a", bump, "qpos.a", 180.0),
+            region("b", flat, "qvel.b", 510.0),
+            region("c", flat, "qvel.c", 900.0, adjusted=0.2),
+        ],
+        1000.0,
+    )
+    assert [entry["target"] for entry in found] == ["joint:b", "joint:a"]
+    assert [entry["share"] for entry in found] == pytest.approx([0.5, 0.2])
+    assert found[0]["region"] == {"qvel.b": [0.0, 10.0]}
+    assert found[1]["region"] == {"qpos.a": [3.0, 5.0]}
+
+
+def test_a_bump_in_the_truth_is_located(diagnosed) -> None:
+    (entry, *_) = diagnosed("bump").details["location"]
+    low, high = entry["region"]["qpos.hip"]
+    assert entry["target"] == "joint:hip"
+    assert 0.1 < low < 0.4 < high < 0.7
+
+
+def test_the_joint_of_an_actuator(bench) -> None:
+    assert actuated_joint(bench.engine.model, 0) == "hip"
+    body = bench.xml.replace('<motor name="drive" joint="hip"/>', '<adhesion body="rod" ctrlrange="0 1"/>')
+    assert actuated_joint(mujoco.MjModel.from_xml_string(body), 0) is None

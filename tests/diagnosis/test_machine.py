@@ -1,0 +1,68 @@
+from __future__ import annotations
+
+import mujoco
+import numpy as np
+import pytest
+
+from torch_activegp.diagnosis.machine import make_machine
+from torch_activegp.errors import DataError
+
+
+def test_given_runs_are_kept_apart(model, record) -> None:
+    machine = make_machine(model, [record(name="a"), record(name="b")], [record(name="c")])
+    assert [run.label for run in machine.fit] == ["a", "b"]
+    assert [run.label for run in machine.holdout] == ["c"]
+    assert machine.notes == ()
+
+
+def test_without_holdout_the_last_fifth_of_the_runs_is_set_aside(model, record) -> None:
+    machine = make_machine(model, [record(name=f"r{i}", seconds=0.5) for i in range(10)], [])
+    assert [run.label for run in machine.holdout] == ["r8", "r9"]
+    assert len(machine.fit) == 8
+    assert machine.notes == ("No --holdout: set aside r8, r9.",)
+    assert len(make_machine(model, [record(seconds=0.5)] * 3, []).holdout) == 1
+
+
+def test_of_few_runs_the_end_of_the_longest_is_set_aside(model, record) -> None:
+    machine = make_machine(model, [record(name="a", seconds=1.0), record(name="b", seconds=2.0)], [])
+    assert [run.label for run in machine.fit] == ["a", "b (first part)"]
+    (tail,) = machine.holdout
+    assert tail.label == "b (last part)"
+    assert len(machine.fit[1]) + len(tail) == 201
+    assert tail.time[0] == 0.0
+    whole = make_machine(model, [record(name="b", seconds=2.0)], [record()]).fit[0]
+    np.testing.assert_array_equal(np.vstack([machine.fit[1].position, tail.position]), whole.position)
+    np.testing.assert_array_equal(tail.control, whole.control[160:])
+    np.testing.assert_array_equal(machine.fit[1].control, whole.control[: len(machine.fit[1]) - 1])
+    assert "the last fifth of b" in machine.notes[0]
+
+
+def test_a_control_that_is_missing_is_noted(model, record) -> None:
+    machine = make_machine(model, [record(name="a", ctrl__drive=None)], [record()])
+    assert machine.notes == ("a: no ctrl.drive; taken as 0.",)
+    assert not machine.fit[0].control.any()
+
+
+def test_no_recording_is_refused(model) -> None:
+    with pytest.raises(DataError, match="no recording to fit"):
+        make_machine(model, [], [])
+
+
+def test_a_position_that_never_changes_is_refused(model, record) -> None:
+    still = record(name="still", qpos__hip=np.full(201, 0.3))
+    with pytest.raises(DataError, match=r"still, column `qpos\.hip`: the same value in every row"):
+        make_machine(model, [still, still], [])
+    assert len(make_machine(model, [still, record()], [record()]).fit) == 2
+
+
+def test_noise_without_motion_is_refused(model, record) -> None:
+    rest = record(name="rest", qpos__hip=1e-3 * np.random.default_rng(0).normal(size=201))
+    with pytest.raises(DataError, match="rest: no excitation, every position stays within its noise"):
+        make_machine(model, [rest], [record()])
+
+
+def test_an_actuator_without_input_needs_no_control(bench, record) -> None:
+    loss = '<dcmotor name="loss" joint="hip" motorconst="0 0" resistance="1" input="none"/><motor'
+    machine = make_machine(mujoco.MjModel.from_xml_string(bench.xml.replace("<motor", loss)), [record()], [record()])
+    assert machine.notes == ()
+    np.testing.assert_array_equal(machine.fit[0].control[:, 0], record()["ctrl.drive"].numpy()[:-1])

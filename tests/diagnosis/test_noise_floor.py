@@ -1,0 +1,48 @@
+from __future__ import annotations
+
+import dataclasses
+
+import numpy as np
+import pytest
+
+from torch_activegp.diagnosis.noise_floor import noise_floor
+from torch_activegp.diagnosis.noise_model import NoiseModel
+
+
+def filtered(poles: tuple[float, float], rows: int) -> np.ndarray:
+    """Autoregressive noise of unit variance, after it forgot its start."""
+    fresh = np.random.default_rng(0).normal(size=rows + 500)
+    out = np.zeros(rows + 500)
+    for k in range(2, len(out)):
+        out[k] = poles[0] * out[k - 1] + poles[1] * out[k - 2] + fresh[k]
+    return out[500:] / out[500:].std()
+
+
+def motion(rows: int) -> np.ndarray:
+    return np.sin(2 * np.pi * 0.7 * np.arange(rows) / 100)
+
+
+def test_white_noise_keeps_the_level_of_the_differences(make_plain_run) -> None:
+    runs = [make_plain_run(motion(1000) + 1e-3 * filtered((0.0, 0.0), 1000), noise=n) for n in (3e-3, 4e-3)]
+    found = noise_floor(runs)
+    assert not found.colour.any()
+    assert found.scale[0] == pytest.approx(np.sqrt(12.5) * 1e-3)
+
+
+@pytest.mark.parametrize("poles", [(0.7, 0.0), (0.94, 0.0), (1.6, -0.64)])
+def test_the_filter_is_found_under_a_motion(make_plain_run, poles) -> None:
+    """Single poles are hard to tell from near ones: what counts is the spectrum, so the innovation."""
+    run = make_plain_run(motion(8000) + 1e-3 * filtered(poles, 8000), noise=3e-4)
+    found, true = noise_floor([run]), NoiseModel(np.array([1e-3]), np.array([poles]))
+    assert found.colour.any()
+    assert found.innovation[0] == pytest.approx(true.innovation[0], rel=0.35)
+
+
+def test_a_short_run_a_broken_one_and_a_slow_one_count_as_white(make_plain_run) -> None:
+    noise = 1e-3 * filtered((0.8, 0.0), 2000)
+    whole = make_plain_run(noise)
+    assert noise_floor([whole]).colour.any()
+    broken = make_plain_run(noise, np.arange(2000) % 2 == 0)
+    slow = dataclasses.replace(whole, time=whole.time * 4)
+    for run in (make_plain_run(noise[:200]), broken, slow):
+        assert not noise_floor([run]).colour.any()

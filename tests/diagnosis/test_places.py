@@ -1,0 +1,43 @@
+from __future__ import annotations
+
+import dataclasses
+
+import numpy as np
+import pytest
+
+from torch_activegp.diagnosis.places import effects_for
+
+
+def test_every_part_of_the_machine_gets_its_effects(bench) -> None:
+    targets = {effect.target for effect in bench.effects}
+    assert targets == {"joint:hip", "actuator:drive", "sensor:hip", "body:rod", "world"}
+    names = {effect.name for effect in bench.effects}
+    assert {"viscous_friction", "coulomb_friction", "sensor_delay", "actuator_lag", "payload_mass"} <= names
+
+
+def test_scales_follow_the_size_of_the_motion(bench) -> None:
+    run = bench.machine.fit[0]
+    twice = dataclasses.replace(run, smooth=2 * run.smooth, position=2 * run.position, velocity=2 * run.velocity)
+    found = {
+        factor: {e.key: e for e in effects_for(bench.engine.model, bench.engine.channels, [made])}
+        for factor, made in ((1, run), (2, twice))
+    }
+
+    def scale(factor: int, name: str, target: str = "joint:hip") -> float:
+        return found[factor][name, target].parameters[0].scale
+
+    assert scale(2, "coulomb_friction") == pytest.approx(2 * scale(1, "coulomb_friction"))
+    assert scale(2, "viscous_friction") == pytest.approx(scale(1, "viscous_friction"))
+    assert scale(2, "sensor_bias", "sensor:hip") == pytest.approx(2 * scale(1, "sensor_bias", "sensor:hip"))
+
+
+def test_a_small_amount_is_small_beside_the_forces_of_the_motion(bench) -> None:
+    run = bench.machine.fit[0]
+    inertial = np.sqrt(np.mean((0.33 * np.gradient(run.velocity[:, 0], run.time)) ** 2))
+    assert 0.001 * inertial < bench.effect("coulomb_friction").parameters[0].scale < 0.5 * inertial
+
+
+def test_an_actuator_whose_control_rests_has_no_effects(bench) -> None:
+    rest = [dataclasses.replace(run, control=np.ones_like(run.control)) for run in bench.machine.fit]
+    effects = effects_for(bench.engine.model, bench.engine.channels, rest)
+    assert not [effect for effect in effects if effect.target.startswith("actuator:")]

@@ -1,0 +1,62 @@
+from __future__ import annotations
+
+import json
+
+import pytest
+
+from torch_activegp.diagnosis.result import SCHEMA_VERSION, Diagnosis, Estimate, NamedEffect, write_whole
+
+
+@pytest.fixture
+def result() -> Diagnosis:
+    effect = NamedEffect(
+        "viscous_friction",
+        "joint:hip",
+        "-c v",
+        0.9,
+        0.99,
+        {"coefficient": Estimate(0.06, "N m s/rad", (0.05, 0.07))},
+        (("quadratic_drag", "joint:hip"),),
+        True,
+    )
+    return Diagnosis("tie", "A sentence.", (effect,), {"notes": ["a"]}, {"traces": []}, {"next.csv": "time\n0\n"})
+
+
+def test_in_words(result) -> None:
+    assert str(result).splitlines() == [
+        "A sentence.",
+        "  viscous_friction at joint:hip: coefficient 0.06 N m s/rad [0.05, 0.07]; explains 90%"
+        "; or quadratic_drag at joint:hip",
+    ]
+
+
+def test_as_a_dictionary(result) -> None:
+    found = result.to_dict()
+    assert (found["schema_version"], found["verdict"], found["notes"]) == (SCHEMA_VERSION, "tie", ["a"])
+    (effect,) = found["effects"]
+    assert effect["parameters"] == {"coefficient": {"value": 0.06, "unit": "N m s/rad", "ci95": [0.05, 0.07]}}
+    assert effect["ties"] == [{"name": "quadratic_drag", "target": "joint:hip"}]
+    assert effect["mjcf"] is True
+
+
+def test_the_folder_holds_every_file(result, tmp_path) -> None:
+    result.save(tmp_path / "new" / "folder")
+    folder = tmp_path / "new" / "folder"
+    assert {path.name for path in folder.iterdir()} >= {"diagnosis.json", "evidence.json", "next.csv"}
+    assert not [path for path in folder.iterdir() if path.name.endswith(".tmp")]
+    assert json.loads((folder / "diagnosis.json").read_text()) == result.to_dict()
+    assert json.loads((folder / "evidence.json").read_text()) == {"traces": []}
+    assert (folder / "next.csv").read_text() == "time\n0\n"
+
+
+def test_an_interrupted_write_leaves_the_old_file(tmp_path, monkeypatch) -> None:
+    path = tmp_path / "a.json"
+    write_whole(path, "old")
+
+    def fail(*_: object) -> None:
+        raise OSError("disk full")
+
+    monkeypatch.setattr("os.replace", fail)
+    with pytest.raises(OSError, match="disk full"):
+        write_whole(path, "new")
+    assert path.read_text() == "old"

@@ -1,0 +1,75 @@
+from __future__ import annotations
+
+import dataclasses
+
+import numpy as np
+import pytest
+
+from torch_activegp.diagnosis.engine import Candidate
+from torch_activegp.diagnosis.screening import Screen, screen
+
+
+@pytest.fixture(scope="module")
+def screened(bench) -> Screen:
+    return screen(bench.shooting, bench.nominal, bench.effects)
+
+
+def test_the_injected_effect_is_ranked_first_of_the_linear_ones(bench, screened) -> None:
+    best = screened.best()
+    single = [atom for atom in best if len(atom.effect.parameters) == 1]
+    assert single[0].effect.key == ("viscous_friction", "joint:hip")
+    assert single[0].values[0] == pytest.approx(bench.viscous, rel=0.15)
+    assert [atom.gain for atom in best] == sorted((atom.gain for atom in best), reverse=True)
+    assert len({atom.effect for atom in best}) == len(best)
+
+
+def test_the_promised_gain_is_what_a_fit_gains(bench, screened) -> None:
+    atom = next(a for a in screened.best() if a.effect.name == "viscous_friction")
+    fit = bench.shooting.fit([((atom.effect,), (atom.values,))], bench.nominal.starts)[0]
+    assert atom.gain == pytest.approx(bench.nominal.chi2 - fit.chi2, rel=0.1)
+
+
+@pytest.mark.parametrize(
+    ("name", "target"),
+    [
+        ("coulomb_friction", "joint:hip"),
+        ("constant_force", "joint:hip"),
+        ("armature_error", "joint:hip"),
+        ("actuator_gain", "actuator:drive"),
+        ("sensor_bias", "sensor:hip"),
+        ("payload_mass", "body:rod"),
+    ],
+)
+def test_the_column_of_an_effect_is_its_simulated_change(clean, name, target) -> None:
+    """A clean pendulum with a little of an effect simulated into its positions: the screen finds that much of it."""
+    effect = clean.effect(name, target)
+    amount = 0.2 * np.array([effect.parameters[0].scale])
+    changed = clean.predict(Candidate((effect,), (amount,))) - clean.predict(clean.nominal.candidate)
+    seen = dataclasses.replace(clean.segments, position=clean.predict(clean.nominal.candidate) + changed)
+    (atom,) = screen(dataclasses.replace(clean.shooting, segments=seen), clean.nominal, [effect]).best()
+    assert atom.values[0] == pytest.approx(amount[0], rel=0.2)
+
+
+def test_what_is_fitted_already_gains_nothing_more(bench) -> None:
+    fit = bench.fit("viscous_friction", 0.05)
+    atoms = screen(bench.shooting, fit, bench.effects).best()
+    assert atoms[0].gain < 0.01 * bench.nominal.chi2
+    again = next(atom for atom in atoms if atom.effect.name == "viscous_friction")
+    assert again.gain < 1.0
+
+
+def test_together_effects_gain_at_least_what_each_does_and_at_most_the_sum_of_all(screened) -> None:
+    first, second = screened.best()[:2]
+    assert screened.joint_gain([first]) == pytest.approx(first.gain, rel=1e-6)
+    both = screened.joint_gain([first, second])
+    assert both >= max(first.gain, second.gain) - 1e-6
+
+
+def test_an_effect_of_the_wrong_sign_gains_nothing(clean) -> None:
+    """Friction that drives is outside the bounds."""
+    effect = clean.effect("viscous_friction")
+    still = clean.predict(clean.nominal.candidate)
+    changed = clean.predict(Candidate((effect,), (np.array([0.02]),))) - still
+    seen = dataclasses.replace(clean.segments, position=still - changed)
+    (atom,) = screen(dataclasses.replace(clean.shooting, segments=seen), clean.nominal, [effect]).best()
+    assert (atom.gain, atom.values[0]) == (0.0, 0.0)

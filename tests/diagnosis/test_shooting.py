@@ -1,0 +1,102 @@
+from __future__ import annotations
+
+import dataclasses
+
+import mujoco
+import numpy as np
+import pytest
+
+from torch_activegp.diagnosis.engine import Engine
+from torch_activegp.diagnosis.shooting import Shooting
+
+
+def test_the_noise_alone_is_left_where_the_model_is_right(clean) -> None:
+    assert clean.nominal.chi2 / clean.shooting.dof == pytest.approx(1.0, abs=0.2)
+    assert clean.shooting.samples == clean.segments.counts.sum()
+    assert clean.shooting.dof == clean.shooting.samples - 2 * clean.segments.size
+    assert clean.nominal.per_segment.sum() == pytest.approx(clean.nominal.chi2)
+
+
+def test_a_fit_finds_the_parameter_from_afar(bench) -> None:
+    fit = bench.fit("viscous_friction", 1.0)
+    assert fit.values[0][0] == pytest.approx(bench.viscous, rel=0.05)
+    assert fit.chi2 / bench.shooting.dof == pytest.approx(1.0, abs=0.2)
+    assert (fit.size, fit.keys) == (1, {("viscous_friction", "joint:hip")})
+    assert fit.steps()[0] == bench.effect("viscous_friction").parameters[0].scale
+
+
+def test_fits_side_by_side_equal_fits_alone(bench) -> None:
+    sets = [
+        ((bench.effect(name),), (np.array([0.02]),))
+        for name in ("viscous_friction", "quadratic_drag", "armature_error")
+    ]
+    together = bench.shooting.fit(sets, bench.nominal.starts)
+    for one, fit in zip(sets, together, strict=True):
+        alone = bench.shooting.fit([one], bench.nominal.starts)[0]
+        assert alone.chi2 == fit.chi2
+        np.testing.assert_array_equal(alone.values[0], fit.values[0])
+
+
+def test_the_optimum_is_stationary_and_its_curvature_the_information(bench) -> None:
+    fit = bench.fit("viscous_friction", 0.05)
+    step = 0.004
+
+    def profile(value: float) -> float:
+        sets = [(fit.effects, (np.array([value]),))]
+        return bench.shooting.fit(sets, fit.starts, hold=True)[0].chi2
+
+    low, middle, high = (profile(fit.values[0][0] + k * step) for k in (-1, 0, 1))
+    assert middle == pytest.approx(fit.chi2, abs=0.1)
+    assert (high - 2 * middle + low) / (2 * step**2) == pytest.approx(fit.information[0, 0], rel=0.1)
+    assert abs(high - low) / (high + low - 2 * middle) < 0.2
+
+
+def test_hold_keeps_the_parameters(bench) -> None:
+    effect = bench.effect("viscous_friction")
+    held = bench.shooting.fit([((effect,), (np.array([0.3]),))], bench.nominal.starts, hold=True)[0]
+    assert held.values[0] == [0.3]
+    assert held.chi2 > bench.nominal.chi2
+
+
+def test_a_parameter_stays_within_its_bounds(bench) -> None:
+    effect = bench.effect("viscous_friction")
+    narrow = dataclasses.replace(effect, parameters=(dataclasses.replace(effect.parameters[0], high=0.04),))
+    fit = bench.shooting.fit([((narrow,), (np.array([0.01]),))], bench.nominal.starts)[0]
+    assert fit.values[0][0] == 0.04
+
+
+def test_a_coarse_engine_with_its_error_taken_out_stands_for_a_precise_one(bench) -> None:
+    euler = int(mujoco.mjtIntegrator.mjINT_EULER)
+    coarse = Engine(bench.engine.model, bench.engine.channels, 1, 1, euler)
+    rough = dataclasses.replace(bench.shooting, engine=coarse)
+    precise = bench.fit("viscous_friction", 0.05)
+    wrong = rough.fit([(precise.effects, precise.values)], precise.starts)[0]
+    right = rough.corrected(bench.engine, precise).fit([(precise.effects, precise.values)], precise.starts)[0]
+    assert abs(right.values[0][0] - precise.values[0][0]) < 0.2 * abs(wrong.values[0][0] - precise.values[0][0])
+    assert right.chi2 == pytest.approx(precise.chi2, rel=0.02)
+    assert bench.shooting.corrected(bench.engine, precise).offset is None
+
+
+def test_a_subset_is_a_likelihood_of_its_own(bench) -> None:
+    shooting = Shooting(bench.engine, bench.segments, bench.shooting.noise, np.zeros_like(bench.segments.position))
+    part, which = shooting.subset(0.1)
+    assert len(which) == part.segments.size == 6
+    assert part.offset.shape == part.segments.position.shape
+    fit = part.fit([((), ())], bench.nominal.starts[which])[0]
+    np.testing.assert_allclose(fit.per_segment, bench.nominal.per_segment[which], rtol=0.01)
+
+
+def test_a_hopeless_set_is_given_up_in_a_race(bench) -> None:
+    names = (
+        "viscous_friction",
+        "quadratic_drag",
+        "coulomb_friction",
+        "linear_spring",
+        "constant_force",
+        "cubic_spring",
+    )
+    sets = [((bench.effect(name),), (np.array([0.02]),)) for name in names]
+    fits = bench.shooting.fit(sets, bench.nominal.starts, race=True)
+    best = min(fits, key=lambda fit: fit.chi2)
+    assert best.keys == {("viscous_friction", "joint:hip")}
+    assert best.chi2 == pytest.approx(bench.fit("viscous_friction", 0.02).chi2, abs=0.2)

@@ -1,0 +1,37 @@
+from __future__ import annotations
+
+import pytest
+
+from torch_activegp.diagnosis.result import Estimate, NamedEffect
+from torch_activegp.diagnosis.words import sentence
+
+ERROR = {"fit": {"holdout": {"free_run": {"before": 0.1234, "after": 0.01, "noise": 0.009}}}, "location": []}
+
+
+def named(name: str, share: float, ties: tuple[tuple[str, str], ...] = ()) -> NamedEffect:
+    return NamedEffect(name, "joint:hip", "law", share, 1.0, {"c": Estimate(1.0, "1", (0.0, 2.0))}, ties)
+
+
+def test_nothing_found() -> None:
+    assert sentence("none", (), ERROR) == "The simulator and the recordings differ by noise alone."
+
+
+@pytest.mark.parametrize(
+    ("location", "words"),
+    [([], "differ, and no effect"), ([{"target": "joint:hip"}, {"target": "b"}], "most of it at joint:hip, and no")],
+)
+def test_unknown_says_where(location, words) -> None:
+    assert words in sentence("unknown", (), {**ERROR, "location": location})
+
+
+def test_named_effects_are_listed_with_what_they_explain_together() -> None:
+    text = sentence("named", [named("a", 0.5), named("b", 0.2), named("c", 0.1)], ERROR)
+    assert text == (
+        "The simulator leaves out a at joint:hip, b at joint:hip and c at joint:hip, explaining 80% of the "
+        "mismatch; with it, the free-run error on held-out runs falls from 0.123 to 0.01 (noise 0.009)."
+    )
+
+
+def test_a_tie_names_the_others() -> None:
+    text = sentence("tie", [named("a", 0.9, (("b", "joint:hip"), ("c", "world")))], ERROR)
+    assert text.endswith("(noise 0.009); the recordings cannot tell it from b at joint:hip or c at world.")

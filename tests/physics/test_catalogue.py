@@ -1,0 +1,111 @@
+"""What holds for every effect of the catalogue."""
+
+from __future__ import annotations
+
+import dataclasses
+import pickle
+from collections import Counter
+from typing import Any
+
+import mujoco
+import numpy as np
+import pytest
+
+from torch_activegp.physics import Effect, Place, catalogue
+from torch_activegp.physics.catalogue import body_effects, farthest_point
+
+NAMES = set(
+    "viscous_friction coulomb_friction asymmetric_friction stribeck_friction quadratic_drag linear_spring cubic_spring "
+    "constant_force cogging joint_stop payload_mass center_of_mass_offset armature_error gravity_error actuator_gain "
+    "actuator_bias actuator_delay actuator_lag actuator_saturation actuator_dead_zone backlash hysteresis sensor_bias "
+    "sensor_gain sensor_delay".split()
+)
+ABSENT = {"actuator_saturation": 100.0}  # where it is not zero
+
+
+def effects(bench: Any) -> list[Effect]:
+    sensors = [dataclasses.replace(place, index=c) for c, place in enumerate((bench.shoulder, bench.elbow))]
+    return catalogue(bench.model, [bench.shoulder, bench.elbow], [bench.drive, bench.servo], sensors)
+
+
+def every(test: Any) -> Any:
+    """One test for each of the effects of the arm."""
+    return pytest.mark.parametrize("number", range(64))(test)
+
+
+def test_the_catalogue_holds_every_name(bench: Any) -> None:
+    found = effects(bench)
+    assert {effect.name for effect in found} == NAMES
+    assert len(found) == 64
+    assert max(Counter((*effect.key, effect.variant) for effect in found).values()) == 1
+    targets = {effect.target.partition(":")[0] for effect in found}
+    assert targets == {"joint", "actuator", "sensor", "body", "world"}
+
+
+@every
+def test_seeds_and_words_are_sound(bench: Any, number: int) -> None:
+    effect = effects(bench)[number]
+    low, high = np.array([(p.low, p.high) for p in effect.parameters]).T
+    assert effect.seeds.shape[1:] == (len(effect.parameters),)
+    assert ((effect.seeds >= low) & (effect.seeds <= high)).all()
+    assert (low < high).all()
+    assert all(p.scale > 0.0 and p.unit and p.name for p in effect.parameters)
+    assert 0 <= effect.linear <= len(effect.parameters)
+    assert (low[: effect.linear] <= 0.0).all()
+    assert effect.law
+    assert effect.__doc__
+    described = [effect.describe(seed) for seed in effect.seeds]
+    assert all(np.isfinite(list(words.values())).all() for words in described)
+    assert pickle.loads(pickle.dumps(effect)).describe(effect.seeds[0]) == described[0]
+    assert set(effect.covers) <= NAMES
+
+
+@every
+def test_an_absent_effect_changes_nothing(bench: Any, number: int) -> None:
+    effect = effects(bench)[number]
+    values = effect.seeds[-1].copy()
+    values[: max(effect.linear, 1)] = ABSENT.get(effect.name, 0.0)
+    np.testing.assert_allclose(bench.hooks(effect, values)[:, :2], bench.nominal()[:, :2], atol=3e-5)
+
+
+@every
+def test_a_present_effect_changes_something_and_its_file_agrees(bench: Any, number: int) -> None:
+    effect = effects(bench)[number]
+    if effect.target.startswith("sensor:"):
+        pytest.skip("changes the recording, not the motion")
+    values, spec = effect.seeds[-1], bench.spec
+    changed = bench.hooks(effect, values)
+    gap = np.abs(changed - bench.nominal())[:, :2].max()
+    assert (gap > 1e-6) == (effect.variant != "y")  # which hinges about y do not feel
+    if effect.write(spec, values):
+        assert np.abs(bench.run(spec.compile()) - changed)[:, :2].max() < 0.2 * gap + 1e-6
+
+
+def test_a_balanced_body_on_several_joints_gets_what_keeps_it_balanced() -> None:
+    xml = """<mujoco><worldbody><body name="cart"><joint type="slide" axis="1 0 0"/><joint axis="0 1 0"/>
+    <geom type="box" size=".2 .05 .1" mass="1"/></body></worldbody></mujoco>"""
+    spec = mujoco.MjSpec.from_string(xml)
+    assert [effect.variant for effect in body_effects(spec.compile())] == ["center", "density"]
+    spec.body("cart").simple = False
+    assert [effect.variant for effect in body_effects(spec.compile())] == ["center", "density", "x", "y", "z"]
+
+
+def test_a_load_hangs_at_the_far_end(bench: Any) -> None:
+    np.testing.assert_allclose(farthest_point(bench.model, 1), [0.0, 0.0, -0.2], atol=1e-9)
+    np.testing.assert_allclose(farthest_point(bench.model, 2), [0.15, 0.0, 0.0], atol=1e-9)
+    inertial = '<inertial pos="0 0 1" mass="1" diaginertia="1 1 1"/>'
+    bare = mujoco.MjModel.from_xml_string(f"<mujoco><worldbody><body><joint/>{inertial}</body></worldbody></mujoco>")
+    np.testing.assert_array_equal(farthest_point(bare, 1), 0.0)
+
+
+def test_elements_without_a_name_go_by_their_number(bench: Any) -> None:
+    xml = (
+        bench.xml.replace('name="shoulder"', "")
+        .replace('name="drive" joint="shoulder"', 'joint="elbow"')
+        .replace('name="upper"', "")
+    )
+    model, spec = mujoco.MjModel.from_xml_string(xml), mujoco.MjSpec.from_string(xml)
+    joint, drive = dataclasses.replace(bench.shoulder, target="joint:joint0"), Place("actuator:actuator0", 0)
+    for effect in catalogue(model, [joint], [drive], []):
+        effect.write(spec.copy(), effect.seeds[0])
+    assert "body:body1" in {effect.target for effect in body_effects(model)}

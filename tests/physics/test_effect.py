@@ -1,0 +1,50 @@
+from __future__ import annotations
+
+from typing import Any
+
+import mujoco
+import numpy as np
+import pytest
+
+from torch_activegp.physics import Effect, Parameter, Place, Step
+from torch_activegp.physics.effect import element
+
+
+class Nothing(Effect):
+    name = "nothing"
+    law = "0"
+
+
+NOTHING = Nothing("joint:elbow", (Parameter("size", "N m", 0.1), Parameter("width", "rad", 0.2)), np.zeros((1, 2)))
+
+
+def test_an_effect_without_hooks_does_nothing(bench: Any) -> None:
+    values = np.array([1.0, 2.0])
+    np.testing.assert_array_equal(bench.hooks(NOTHING, values), bench.nominal())
+    control = np.ones((1, 1, 5, 2))
+    assert NOTHING.control(control, np.ones((1, 5)), values[None]) is None
+    assert NOTHING.measure(lambda channel, delay: control, values[None]) is None
+    assert not NOTHING.edit(lambda name: control, np.array([0]), values[None])
+    assert NOTHING.memory(control, control, values[None]) is None
+    assert not NOTHING.write(bench.spec, values)
+    step = Step(control, control, control, np.zeros((1, 2)), lambda name: control, np.ones(1))
+    NOTHING.before_step(step, np.array([0]), values[None], None)
+    np.testing.assert_array_equal(step.force, 0.0)
+
+
+def test_an_effect_is_told_by_name_and_target() -> None:
+    assert NOTHING.key == ("nothing", "joint:elbow")
+    assert NOTHING.describe(np.array([1.0, 2.0])) == {"size": 1.0, "width": 2.0}
+    with pytest.raises(ValueError, match="argument 2 is shorter"):
+        NOTHING.describe(np.array([1.0]))
+    assert len({NOTHING, Nothing("joint:elbow", (), np.zeros((1, 0)))}) == 2
+    assert Place("joint:left:elbow", 0).item == "left:elbow"
+
+
+def test_elements_are_found_by_name_or_number(bench: Any) -> None:
+    spec = mujoco.MjSpec.from_string(
+        bench.xml.replace('name="shoulder"', "").replace('joint="shoulder"', 'joint="elbow"')
+    )
+    assert element(spec, spec.joints, "joint:elbow").name == "elbow"
+    assert element(spec, spec.joints, "joint:joint0").damping[0] == 0.05
+    assert element(spec, spec.bodies, "body:fore").name == "fore"

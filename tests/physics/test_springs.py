@@ -1,0 +1,115 @@
+from __future__ import annotations
+
+import dataclasses
+from typing import Any
+
+import mujoco
+import numpy as np
+import pytest
+
+from torch_activegp.physics.springs import (
+    POSITION_FORCES,
+    CenteredSpring,
+    Cogging,
+    ConstantForce,
+    CubicSpring,
+    JointStop,
+    LinearSpring,
+    LowerJointStop,
+)
+
+CASES = [
+    (ConstantForce, [0.4], 1e-3),
+    (CenteredSpring, [0.8], 1e-3),
+    (LinearSpring, [0.8, 0.3], 1e-3),
+    (CubicSpring, [1.5], 1e-3),
+    (Cogging, [0.3, 0.2, 7.0], 1e-3),
+    (JointStop, [60.0, 0.5, 0.1], 0.02),
+    (LowerJointStop, [60.0, 0.5, 0.02], 0.02),
+]
+NAMED = [(kind, values) for kind, values, _ in CASES]
+
+
+def test_the_cases_are_the_family() -> None:
+    assert {case[0] for case in CASES} == set(POSITION_FORCES)
+
+
+@pytest.mark.parametrize(("kind", "values"), NAMED, ids=lambda x: getattr(x, "__name__", ""))
+def test_the_law_as_a_force_does_the_same(bench: Any, kind: Any, values: Any) -> None:
+    effect = kind.at(bench.shoulder, bench.model)
+    assert bench.gap(bench.hooks(effect, values), bench.force(effect, values)) < 1e-12
+
+
+@pytest.mark.parametrize(("kind", "values", "near"), CASES, ids=lambda x: getattr(x, "__name__", ""))
+@pytest.mark.parametrize("degree", [False, True])
+def test_the_models_file_does_the_same(bench: Any, kind: Any, values: Any, near: float, degree: bool) -> None:
+    machine = dataclasses.replace(bench, xml=bench.xml.replace('angle="radian"', "")) if degree else bench
+    effect = kind.at(machine.shoulder, machine.model)
+    assert machine.gap(machine.hooks(effect, values), machine.written(effect, values)) < near
+
+
+@pytest.mark.parametrize(("kind", "values"), [case for case in NAMED if case[0] is not ConstantForce])
+def test_the_force_pulls_back(bench: Any, kind: Any, values: Any) -> None:
+    effect = kind.at(bench.shoulder, bench.model)
+    position = np.linspace(-1.5, 1.5, 301)
+    force = effect.force(position, 0.0 * position, values)
+    if kind is Cogging:  # no net work in a turn, and its own amplitude
+        turn = np.linspace(0.0, 2 * np.pi, 1000, endpoint=False)
+        around = effect.force(turn, 0.0 * turn, values)
+        assert abs(around.mean()) < 1e-12
+        assert np.abs(around).max() == pytest.approx(effect.describe(np.array(values))["amplitude"], rel=1e-3)
+    elif kind in (JointStop, LowerJointStop):
+        side = 1.0 if kind is JointStop else -1.0
+        assert (side * force <= 0.0).all()
+        assert (force[side * position <= values[2]] == 0.0).all()
+        leaving = effect.force(position, 0.0 * position - side * 1e3, values)
+        assert (leaving == 0.0).all()  # a stop does not pull
+    else:
+        assert (np.diff(force) <= 0.0).all()
+
+
+def test_a_spring_adds_to_the_models_own(bench: Any) -> None:
+    xml = bench.xml.replace('damping="0.05"', 'damping="0.05" stiffness="0.5" springref="0.3"')
+    machine = dataclasses.replace(bench, xml=xml)
+    for kind, values in ((CenteredSpring, [0.8]), (LinearSpring, [0.8, 0.3]), (LinearSpring, [-0.2, 0.1])):
+        effect = kind.at(machine.shoulder, machine.model)
+        assert effect.parameters[0].low == -0.5
+        assert machine.gap(machine.hooks(effect, values), machine.written(effect, values)) < 1e-3
+    assert not LinearSpring.at(machine.shoulder, machine.model).write(machine.spec, np.array([-0.5, 0.1]))
+    assert not CubicSpring.at(machine.shoulder, machine.model).write(machine.spec, np.array([1.0]))
+
+
+def test_a_rest_position_and_a_cubic_spring_do_not_fit_in_one_file(bench: Any) -> None:
+    spec = bench.spec
+    assert CubicSpring.at(bench.shoulder, bench.model).write(spec, np.array([1.0]))
+    assert not LinearSpring.at(bench.shoulder, bench.model).write(spec, np.array([0.8, 0.3]))
+
+
+def test_two_stops_fit_in_one_file_if_they_are_alike(bench: Any) -> None:
+    upper, lower = JointStop.at(bench.shoulder, bench.model), LowerJointStop.at(bench.shoulder, bench.model)
+    spec = bench.spec
+    assert upper.write(spec, np.array([60.0, 0.5, 0.4]))
+    assert not lower.write(spec.copy(), np.array([30.0, 0.5, 0.2]))
+    assert lower.write(spec, np.array([60.0, 0.5, 0.2]))
+    np.testing.assert_allclose(spec.compile().jnt_range[0], [-0.2, 0.4])
+    limited = mujoco.MjSpec.from_string(bench.xml.replace('damping="0.05"', 'damping="0.05" range="-2 2"'))
+    assert not upper.write(limited, np.array([60.0, 0.5, 0.4]))
+
+
+def test_descriptions_speak_the_fields_words(bench: Any) -> None:
+    model = bench.model
+    rest = LinearSpring.at(bench.shoulder, model).describe(np.array([2.0, 1.0]))
+    assert rest == {"stiffness": 2.0, "rest": 0.5}
+    stop = LowerJointStop.at(bench.shoulder, model).describe(np.array([60.0, 0.5, 0.2]))
+    assert stop == {"position": -0.2, "stiffness": 60.0, "damping": 0.5}
+    cogging = Cogging.at(bench.shoulder, model).describe(np.array([0.3, 0.4, 7.0]))
+    assert cogging["amplitude"] == pytest.approx(0.5)
+    assert 0.5 * np.sin(7.0 * 0.2 + cogging["phase"]) == pytest.approx(0.3 * np.sin(1.4) + 0.4 * np.cos(1.4))
+
+
+def test_cogging_looks_only_for_periods_that_the_data_can_show(bench: Any) -> None:
+    narrow = dataclasses.replace(bench.shoulder, position=(-0.1, 0.1))
+    assert min(seed[2] for seed in Cogging.at(narrow, bench.model).seeds) > np.pi / 0.2
+    slide = dataclasses.replace(bench.shoulder, position_unit="m", force_unit="N")
+    effect = Cogging.at(slide, bench.model)
+    assert [p.unit for p in effect.parameters] == ["N", "N", "rad/m"]

@@ -1,0 +1,34 @@
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from torch_activegp.report.law import law
+
+
+def test_each_law_is_drawn_over_its_force(fakes: Any) -> None:
+    section = law(*fakes["named"]())
+    first, second = section.content["charts"]
+    assert first.title.replace("\u00a0", " ") == "Coulomb friction at joint elbow explains 91 % of the mismatch"
+    assert (first.x.label, first.y.label) == ("qvel.elbow [rad/s]", "missing force [N m]")
+    assert [mark.look for mark in first.marks] == ["zero", "whiskers", "dots few", "law"]
+    assert [mark.look for mark in second.marks] == ["zero", "dots", "law"]
+    assert first.marks[-1].label == "law: -F sign(v), with sticking"
+
+
+def test_an_outlier_among_many_points_does_not_flatten_the_law(fakes: Any) -> None:
+    diagnosis, evidence = fakes["named"]()
+    evidence["laws"][1]["force"][7] = 1e4
+    assert law(diagnosis, evidence).content["charts"][1].y.high < 1.0
+
+
+def test_a_law_that_is_not_named_says_so_and_a_missing_line_is_left_out() -> None:
+    found = {"name": "cogging", "target": "joint:a", "over": "qpos.a", "x": [0.0, 1.0], "force": [1.0, np.nan]}
+    (chart,) = law({"verdict": "unknown"}, {"laws": [found]}).content["charts"]
+    assert chart.title == "Cogging at joint a: not among the named effects"
+    assert [mark.look for mark in chart.marks if mark.look == "law"] == []
+
+
+def test_no_law_no_section() -> None:
+    assert law({"verdict": "none"}, {"laws": []}) is None

@@ -1,0 +1,49 @@
+from __future__ import annotations
+
+from typing import Any
+
+import pytest
+
+from torch_activegp.report.place import place
+
+
+def test_the_rows_say_where(fakes: Any) -> None:
+    section = place(*fakes["named"]())
+    assert section is not None
+    assert section.heading.replace("\u00a0", " ") == "Joint elbow carries 91 % of the mismatch"
+    rows = section.content["rows"]
+    assert [row["region"] for row in rows] == [
+        "qvel.elbow \u22124 to 4 rad/s", "everywhere", "qvel.shoulder \u22120.11 to 0.09 rad/s",
+    ]  # fmt: skip
+    assert [row["weak"] for row in rows] == [False, False, True]
+    assert rows[0]["q"] == "q < 10\u207b\u00b9\u00b2"
+
+
+def test_the_maps_start_with_the_worst_and_share_one_scale(fakes: Any) -> None:
+    charts = place(*fakes["named"]()).content["charts"]
+    assert [chart.x.label for chart in charts] == ["qvel.elbow [rad/s]", "qpos.elbow [rad]", "qvel.shoulder [rad/s]"]
+    assert len({(chart.y.low, chart.y.high) for chart in charts}) == 1
+    assert "worst near" in charts[0].title
+    assert charts[0].marks[1].path.startswith("M62.5")  # the first bin has no sample
+
+
+def test_where_nothing_was_corrected_only_one_line_is_drawn(fakes: Any) -> None:
+    section = place(*fakes["none"]())
+    assert section.heading == "No part of the motion stands out from the noise"
+    assert {strip["look"] for strip in section.content["times"]["strips"]} == {"before"}
+    assert [mark.look for mark in section.content["charts"][0].marks] == ["noise-level", "before"]
+
+
+def test_of_many_runs_the_worst_are_shown_in_their_order() -> None:
+    runs = [{"run": f"r{index}", "time": [0.5, 1.5], "before": [1.0, float(index)], "after": []} for index in range(30)]
+    times = place({"verdict": "unknown"}, {"map_time": runs}).content["times"]
+    assert [strip["run"] for strip in times["strips"]] == [f"r{index}" for index in range(6, 30)]
+    assert times["left_out"] == "The 24 worst of 30 runs."
+    assert (times["axis"].low, times["axis"].high) == (0.0, 2.0)
+
+
+@pytest.mark.parametrize("share", [None, 0.4])
+def test_headings_with_little(share: float | None) -> None:
+    section = place({"verdict": "named", "location": [{"target": "world", "share": share}]}, {})
+    assert section.heading in ("The mismatch sits at world", "World carries 40\u00a0% of the mismatch")
+    assert place({"verdict": "named"}, {}) is None

@@ -1,0 +1,56 @@
+from __future__ import annotations
+
+from typing import Any
+
+import pytest
+
+from torch_activegp.report.rivals import rivals
+
+
+@pytest.mark.parametrize(
+    ("verdict", "heading"),
+    [
+        ("none", "No effect improves on the simulator: the best is 7.9 BIC points worse"),
+        (
+            "named",
+            "Coulomb friction at joint elbow and actuator delay at actuator shoulder_motor: "
+            "the next rival is 12 BIC points worse",
+        ),
+        ("tie", "Several explanations fit these recordings equally well"),
+        ("unknown", "The best known explanation is not good enough"),
+    ],
+)
+def test_the_heading_is_the_finding(fakes: Any, verdict: str, heading: str) -> None:
+    assert rivals(*fakes[verdict]()).heading == heading
+
+
+def test_rows(fakes: Any) -> None:
+    rows = rivals(*fakes["named"]()).content["rows"]
+    assert [row["tag"] for row in rows] == ["the verdict", "", "", "", "", ""]
+    assert [row["gap"] for row in rows] == ["best", "11.8", "13.9", "171", "640", "2210"]
+    assert [row["word"] for row in rows] == ["", *["ruled out"] * 5]
+    assert rows[-1]["name"] == "The simulator as it is"
+    assert rows[-1]["probability"] == "under\u00a00.1\u00a0%"
+
+
+def test_all_that_tie_are_marked(fakes: Any) -> None:
+    assert [row["tag"] for row in rivals(*fakes["tie"]()).content["rows"]] == ["tied", "tied", "", ""]
+
+
+def test_stability_shows_where_the_names_change(fakes: Any) -> None:
+    content = rivals(*fakes["named"]()).content
+    assert content["stable"] == 5
+    assert [entry["dropped"] for entry in content["stability"] if not entry["same"]] == ["bench_04.csv"]
+    assert content["stability"][0]["parameters"] == "level 0.312"
+
+
+def test_the_many_rivals_go_behind_a_fold(fakes: Any) -> None:
+    diagnosis, evidence = fakes["named"]()
+    content = rivals(diagnosis | {"rivals": diagnosis["rivals"] * 2}, evidence).content
+    assert (len(content["rows"]), len(content["more"])) == (8, 4)
+
+
+def test_little_is_said_of_little() -> None:
+    assert rivals({"verdict": "named"}, {}) is None
+    section = rivals({"verdict": "named", "rivals": [{"effects": []}]}, {})
+    assert (section.heading, section.content["rows"][0]["gap"]) == ("The explanations compared", "\u2013")

@@ -1,0 +1,35 @@
+from __future__ import annotations
+
+from typing import Any
+
+import pytest
+
+from torch_activegp.report.unknowns import unknowns
+
+
+@pytest.mark.parametrize(
+    ("verdict", "point"),
+    [
+        ("none", "Effects too weak to rise above the noise"),
+        ("named", "What happens at speeds, loads and positions that these recordings never reached."),
+        ("tie", "Whether it is actuator gain at actuator shoulder_motor or payload mass at body forearm"),
+        ("tie", "the 12\u00a0% left unexplained: it cannot be told from noise"),
+        ("unknown", "the 74\u00a0% left unexplained: it still has structure, so it is not noise"),
+    ],
+)
+def test_points(fakes: Any, verdict: str, point: str) -> None:
+    assert any(point in found for found in unknowns(*fakes[verdict]()).content["points"])
+
+
+def test_the_next_recording(fakes: Any) -> None:
+    section = unknowns(*fakes["tie"]())
+    assert section.heading == "What these recordings cannot tell, and the one that would"
+    assert section.content["next"]["separates"] == "actuator gain from payload mass"
+    assert section.content["next"]["controls"] == "next.csv"
+    assert unknowns(*fakes["named"]()).content["next"] is None
+
+
+def test_an_open_sign_is_a_question() -> None:
+    effect = {"name": "cogging", "target": "joint:a", "parameters": {"phase": {"value": 0.0, "ci95": [-1.0, 1.0]}}}
+    points = unknowns({"verdict": "named", "effects": [effect]}, {}).content["points"]
+    assert points[0] == "Whether the phase of cogging at joint a is above or below zero: the interval holds both."

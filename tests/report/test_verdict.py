@@ -1,0 +1,48 @@
+from __future__ import annotations
+
+from typing import Any
+
+import pytest
+
+from torch_activegp.errors import DataError
+from torch_activegp.report.verdict import BADGES, banner
+
+
+@pytest.mark.parametrize(
+    ("verdict", "sure"),
+    [
+        ("none", "Noise alone leaves at least this much in 43 % of all repeats."),
+        ("named", "Very likely: for the least sure effect, 96 % probability against every rival tried."),
+        ("tie", "which of the tied effects causes it, these recordings do not tell."),
+        ("unknown", "abstaining is the honest answer."),
+    ],
+)
+def test_how_sure(fakes: Any, verdict: str, sure: str) -> None:
+    top = banner(fakes[verdict]()[0])
+    assert sure in top["sure"].replace("\u00a0", " ")
+    assert (top["badge"], top["symbol"]) == BADGES[verdict]
+
+
+def test_key_figures(fakes: Any) -> None:
+    top = banner(fakes["named"]()[0])
+    values = [figure["value"].replace("\u00a0", " ") for figure in top["figures"]]
+    assert values == ["8.13", "98 %", "240 % \u2192 0.2 %"]
+    assert top["subject"] == "Simulator arm.xml \u00b7 6 runs fitted (28.8 s) \u00b7 2 runs held out (9.6 s)"
+
+
+def test_without_a_correction_there_is_one_error(fakes: Any) -> None:
+    values = [figure["value"] for figure in banner(fakes["none"]()[0])["figures"]]
+    assert values == ["1.003", "0.2\u00a0%"]
+
+
+def test_little_is_said_of_little() -> None:
+    assert banner({"verdict": "named"})["sure"] == "The mismatch is real."
+    assert banner({"verdict": "none"}) | {"sentence": ""} == {
+        "verdict": "none", "sentence": "", "badge": "No mismatch found", "symbol": "\u2713", "sure": "",
+        "figures": [], "subject": "",
+    }  # fmt: skip
+
+
+def test_a_wrong_verdict_is_refused() -> None:
+    with pytest.raises(DataError, match="found None"):
+        banner({})

@@ -1,0 +1,155 @@
+"""``torch-activegp diagnose``: what is missing in a simulator, and how much of it."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Annotated, Any
+
+import typer
+from rich.table import Table
+
+from torch_activegp.cli.app import app, console, results
+from torch_activegp.cli.folders import check_free, next_free, results_in
+from torch_activegp.cli.options import RECORDINGS, Columns, Holdout, Model, Seed, Threads, output_folder
+from torch_activegp.cli.progress import StageProgress, show_time
+from torch_activegp.cli.tasks import find_model
+from torch_activegp.experiments.output import write_json
+from torch_activegp.experiments.recorded import load_apart
+from torch_activegp.experiments.workers import one_thread
+from torch_activegp.report import write_report
+from torch_activegp.report.numbers import MISSING, estimate, is_number, number, percent
+from torch_activegp.report.words import listed
+
+_RESULTS = ("settings.json", "diagnosis.json", "evidence.json", "report.html", "corrected*", "next.csv", "remainder.pt")
+_FORECASTS = {"one_step": "one step", "free_run": "free run"}
+
+Values = Mapping[str, Any]
+
+
+@app.command()
+def diagnose(
+    model: Model,
+    recordings: Annotated[list[str], typer.Argument(help=f"To diagnose: {RECORDINGS}", metavar="RECORDING...")],
+    holdout: Holdout = None,
+    columns: Columns = None,
+    seed: Seed = 0,
+    threads: Threads = 0,
+    out: Annotated[
+        Path | None,
+        typer.Option(
+            help="Output folder, without results of an earlier run. By default runs/diagnose-MODEL, the next free one.",
+            metavar="DIR",
+        ),
+    ] = None,
+) -> None:
+    """Find out whether a simulator is wrong, where, which physics was left out, and how much of it.
+
+    Example:  `torch-activegp diagnose emps emps:train --holdout emps:test`
+
+    Your own:  `torch-activegp diagnose arm.xml run1.csv run2.csv --holdout run3.csv`
+
+    Positions are enough. The verdict comes first; then the effects with their share of the mismatch, their probability
+    against every rival, and their parameters with 95 % intervals; then the errors on the held-out recordings before and
+    after the correction, in standard deviations of what was measured.
+
+    Writes diagnosis.json, report.html (one file, needs no network), corrected.xml (where MJCF can hold the effects),
+    next.csv (controls that would tell rivals apart) and settings.json.
+    """
+    began = time.perf_counter()
+    settings = {
+        "command": "diagnose",
+        "model": model,
+        "recordings": recordings,
+        "holdout": holdout or [],
+        "columns": None if columns is None else str(columns),
+        "seed": seed,
+    }
+    folder = out or next_free(output_folder(None, "diagnose", Path(model).stem if Path(model).is_file() else model))
+    check_free(folder, _RESULTS)
+    simulator = find_model(model)
+    fit, test = load_apart(recordings, holdout or [], columns)
+    from torch_activegp.diagnosis import diagnose as diagnose_from
+
+    with one_thread(), StageProgress(console, "diagnosing") as progress:
+        diagnosis = diagnose_from(simulator, fit, test, seed=seed, nthread=threads, tell=progress.tell)
+    found = diagnosis.to_dict()
+    with results_in(folder):
+        diagnosis.save(folder)
+        write_report(found, diagnosis.evidence, folder / "report.html")
+        write_json(folder / "settings.json", {**settings, "seconds": round(time.perf_counter() - began, 2)})
+    for note in found.get("notes") or ():
+        _say(note, to=console)
+    _say(diagnosis.sentence)
+    _show(found)
+    names = sorted({path.name for pattern in _RESULTS for path in folder.glob(pattern)})
+    _say(f"Done in {show_time(time.perf_counter() - began)}. {folder} holds {', '.join(names)}.")
+    _say(f"See {folder / 'report.html'}.")
+
+
+def _say(text: str, to: Any = results) -> None:
+    to.print(text, highlight=False, markup=False, soft_wrap=True)
+
+
+def _show(found: Values) -> None:
+    effects = found.get("effects") or []
+    if effects:
+        results.print(_effects(effects))
+    for effect in effects:
+        if effect.get("ties"):
+            rivals = listed((_named(tie) for tie in effect["ties"]), "or")
+            _say(f"Tie: {_named(effect)} cannot be told from {rivals} by these recordings.")
+    rest = (found.get("unexplained") or {}).get("share")
+    if is_number(rest):
+        _say(f"Not explained: {percent(rest)} of the mismatch.")
+    held_out = (found.get("fit") or {}).get("holdout") or {}
+    if any(held_out.get(key) for key in _FORECASTS):
+        _say("Errors on held-out recordings, in standard deviations of what was measured:")
+        results.print(_errors(held_out))
+    following = found.get("next_experiment")
+    if following:
+        controls = f" Controls: {following['controls']}." if following.get("controls") else ""
+        _say(f"Next recording: {following.get('why') or ''}{controls}")
+
+
+def _named(effect: Values) -> str:
+    return f"{effect['name']} at {effect['target']}"
+
+
+def _effects(effects: Sequence[Values]) -> Table:
+    table = Table(title="Missing in the simulator", caption="parameters with their 95 % intervals")
+    table.add_column("effect", overflow="fold")
+    for heading in ("share", "probability"):
+        table.add_column(heading, justify="right", no_wrap=True)
+    table.add_column("parameters")
+    for effect in effects:
+        parameters = "\n".join(
+            line for name, values in (effect.get("parameters") or {}).items() for line in _parameter(name, values)
+        )
+        shares = (percent(effect.get(key)) for key in ("share", "probability"))
+        table.add_row(f"{effect['name']}\n{effect['target']}", *shares, parameters)
+    return table
+
+
+def _parameter(name: str, found: Values) -> list[str]:
+    value, interval = found["value"], found.get("ci95")
+    if isinstance(value, Sequence):
+        ends = interval if interval is not None and len(interval) == len(value) else [None] * len(value)
+        parts = [{**found, "value": one, "ci95": pair} for one, pair in zip(value, ends, strict=True)]
+        return [line for index, part in enumerate(parts, 1) for line in _parameter(f"{name} {index}", part)]
+    text, ends = estimate(value, interval)
+    unit = found.get("unit") or ""
+    words = [name, text, "" if unit == "1" else unit, "" if ends == MISSING else f"({ends})"]
+    return [" ".join(word for word in words if word)]
+
+
+def _errors(held_out: Values) -> Table:
+    table = Table()
+    table.add_column("forecast", no_wrap=True)
+    for heading in ("before", "after", "noise"):
+        table.add_column(heading, justify="right", no_wrap=True)
+    for key, title in _FORECASTS.items():
+        errors = held_out.get(key) or {}
+        table.add_row(title, *(number(errors.get(column)) for column in ("before", "after", "noise")))
+    return table

@@ -1,0 +1,232 @@
+"""From a simulator and recordings to a diagnosis."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from typing import Any
+
+import numpy as np
+
+from torch_activegp.data import Recording
+from torch_activegp.diagnosis.correction import corrected_xml
+from torch_activegp.diagnosis.engine import NOMINAL
+from torch_activegp.diagnosis.evidence import laws, map_region, map_time
+from torch_activegp.diagnosis.experiment import next_experiment
+from torch_activegp.diagnosis.explain import Explanation, explain
+from torch_activegp.diagnosis.fit import Fit
+from torch_activegp.diagnosis.forecast import compare
+from torch_activegp.diagnosis.intervals import estimates
+from torch_activegp.diagnosis.judge import Judgement, judge
+from torch_activegp.diagnosis.locate import entries, locate
+from torch_activegp.diagnosis.machine import Machine, make_machine
+from torch_activegp.diagnosis.places import effects_for
+from torch_activegp.diagnosis.remainder import Outcome, model_remainder
+from torch_activegp.diagnosis.result import Diagnosis, NamedEffect
+from torch_activegp.diagnosis.runs import input_addresses
+from torch_activegp.diagnosis.simulator import corrected_simulator
+from torch_activegp.diagnosis.source import Source, read_source
+from torch_activegp.diagnosis.words import sentence
+
+Tell = Callable[[str, float | None], None]
+
+
+def diagnose(
+    model: object,
+    recordings: Sequence[Recording],
+    holdout: Sequence[Recording] = (),
+    *,
+    seed: int = 0,
+    nthread: int = 0,
+    tell: Tell | None = None,
+) -> Diagnosis:
+    """Says where and why a simulator and recordings differ, and corrects the simulator.
+
+    Args:
+        model: path of an MJCF file, MJCF text, an ``MjSpec``, an ``MjModel`` or a `MujocoSimulator`.
+        recordings: runs for fitting and selection.
+        holdout: runs that are only forecast; without any, whole runs are set aside, and the notes say which.
+        seed: of the controls proposed for the next experiment; nothing else is random.
+        nthread: threads of the simulations; 0 for all cores.
+        tell: hears the name of each stage and the part of the work that is done.
+
+    Returns:
+        The diagnosis.
+
+    Raises:
+        DataError: a recording does not fit the model.
+        ConfigurationError: a model that does not compile or cannot be simulated in batches.
+    """
+    say = tell or (lambda words, done: None)
+    say("reading", 0.0)
+    source = read_source(model)
+    machine = make_machine(source.model, recordings, holdout)
+    effects = effects_for(machine.model, machine.channels, machine.fit)
+    explanation = explain(machine, effects, nthread, lambda words: say(words, None))
+    say("weighing the evidence", 0.7)
+    judgement = judge(explanation.shooting, explanation.selection)
+    return _report(source, machine, explanation, judgement, seed, say)
+
+
+def _report(
+    source: Source, machine: Machine, explanation: Explanation, judgement: Judgement, seed: int, say: Tell
+) -> Diagnosis:
+    shooting, nominal = explanation.shooting, explanation.selection.nominal
+    say("locating", 0.8)
+    mismatch = max(nominal.chi2 - shooting.dof, 0.0)
+    regions = locate(shooting, nominal) if judgement.verdict != "none" else []
+    say("forecasting held-out runs", 0.85)
+    chosen = judgement.fit if judgement.verdict in ("named", "tie") else nominal
+    models = {"before": (explanation.engine, NOMINAL), "after": (explanation.engine, chosen.candidate)}
+    outcome = _remainder(explanation, judgement, chosen)
+    if outcome is not None and outcome.effect is not None:
+        models["gp"] = (explanation.engine, outcome.on(chosen.candidate))
+    holdout, traces = compare(models, machine.holdout, machine.channels.joints, shooting.noise)
+    say("writing the correction", 0.95)
+    numerics = None
+    if explanation.fine:
+        step = float(np.median(np.concatenate([run.dt for run in machine.fit])))
+        numerics = (explanation.engine.model.opt.integrator, step / explanation.engine.substeps)
+    xml, held, difference = corrected_xml(source.spec, chosen.effects, chosen.values, numerics)
+    corrected = corrected_simulator(source, machine.channels, chosen.candidate, xml if all(held) else None, numerics)
+    learned = None
+    if "gp" in models:
+        learned = corrected_simulator(source, machine.channels, models["gp"][1], None, numerics)
+    named = _named(explanation, judgement, dict(zip(chosen.effects, held, strict=True)))
+    files: dict[str, str] = {}
+    if xml is not None:
+        files["corrected.xml"] = xml
+    proposal = _proposal(explanation, judgement, machine, seed)
+    if proposal is not None:
+        files["next.csv"] = proposal[1]
+    details: dict[str, Any] = {
+        "mismatch": {
+            "detected": judgement.verdict != "none",
+            "p_value": judgement.p_value,
+            "chi2_per_dof": nominal.chi2 / shooting.dof,
+            "noise": {
+                f"qpos.{joint}": float(scale)
+                for joint, scale in zip(machine.channels.joints, shooting.noise.scale, strict=True)
+            },
+        },
+        "location": entries(regions, mismatch),
+        "unexplained": {"share": judgement.unexplained, "white": judgement.white},
+        "fit": {"holdout": holdout},
+        "next_experiment": None if proposal is None else proposal[0],
+        "model": {"name": source.name, "source": source.path},
+        "recordings": _recordings(machine),
+        "notes": [*machine.notes, *_numerics_note(explanation), *_remainder_note(outcome)],
+        "rivals": _rivals(explanation, judgement),
+        "retuned": _retuned(explanation, judgement),
+        "mjcf_diff": difference if chosen.effects else None,
+        "remainder": None if outcome is None else outcome.details,
+    }
+    fitted = judgement.fit
+    evidence = {
+        "map_time": map_time(shooting, nominal, chosen),
+        "map_region": map_region(regions, locate(shooting, chosen) if chosen.effects else regions) if regions else [],
+        "laws": laws(shooting, fitted, judgement.named, explanation.effects) if named else [],
+        "traces": traces,
+    }
+    words = sentence(judgement.verdict, named, details)
+    states = {"remainder.pt": outcome.effect.state()} if outcome is not None and outcome.effect is not None else {}
+    return Diagnosis(judgement.verdict, words, named, details, evidence, files, corrected, learned, states)
+
+
+def _remainder(explanation: Explanation, judgement: Judgement, chosen: Fit) -> Outcome | None:
+    """A Gaussian process of what is left, where something is."""
+    if judgement.verdict == "none" or judgement.white:
+        return None
+    engine = explanation.engine
+    joints, inputs = engine.channels.joints, {at: name for name, at in input_addresses(engine.model).items()}
+    names = [
+        *(f"qpos.{joint}" for joint in joints),
+        *(f"qvel.{joint}" for joint in joints),
+        *(f"ctrl.{inputs.get(i, i)}" for i in range(engine.model.nu)),
+    ]
+    return model_remainder(explanation.shooting, chosen, names)
+
+
+def _remainder_note(outcome: Outcome | None) -> list[str]:
+    if outcome is None or outcome.effect is not None:
+        return []
+    return [
+        "A Gaussian process of the force that is left, over positions, velocities and controls, did not improve "
+        "forecasts on data kept from its training; it is not used."
+    ]
+
+
+def _named(explanation: Explanation, judgement: Judgement, held: dict[Any, bool]) -> tuple[NamedEffect, ...]:
+    if judgement.verdict not in ("named", "tie"):
+        return ()
+    return tuple(
+        NamedEffect(
+            effect.name,
+            effect.target,
+            effect.law,
+            share,
+            probability,
+            estimates(explanation.shooting, judgement.fit, effect),
+            ties,
+            held.get(effect, False),
+        )
+        for effect, share, probability, ties in zip(
+            judgement.named, judgement.shares, judgement.probabilities, judgement.ties, strict=True
+        )
+    )
+
+
+def _retuned(explanation: Explanation, judgement: Judgement) -> list[dict[str, Any]]:
+    out = []
+    for effect in judgement.retuned:
+        values = estimates(explanation.shooting, judgement.fit, effect)
+        parameters = {k: {"value": e.value, "unit": e.unit, "ci95": list(e.ci95)} for k, e in values.items()}
+        out.append({"name": effect.name, "target": effect.target, "parameters": parameters})
+    return out
+
+
+def _rivals(explanation: Explanation, judgement: Judgement) -> list[dict[str, Any]]:
+    dof = explanation.shooting.dof
+    shown = [r for i, r in enumerate(judgement.rivals) if i < 8 or not r[0].effects]
+    return [
+        {
+            "effects": [{"name": name, "target": target} for name, target in (e.key for e in fit.effects)],
+            "chi2_per_dof": fit.chi2 / max(dof - fit.size, 1),
+            "delta_bic": distance,
+            "probability": weight,
+        }
+        for fit, distance, weight in shown
+    ]
+
+
+def _proposal(
+    explanation: Explanation, judgement: Judgement, machine: Machine, seed: int
+) -> tuple[dict[str, Any], str] | None:
+    if judgement.verdict == "none":
+        return None
+    rivals: list[Fit] = [fit for fit, _, _ in judgement.rivals[:2]]
+    return next_experiment(explanation.engine, rivals, machine.fit, explanation.shooting.noise, seed)
+
+
+def _recordings(machine: Machine) -> list[dict[str, Any]]:
+    return [
+        {
+            "name": run.label,
+            "role": role,
+            "rows": int(run.recorded.sum()),
+            "seconds": float(run.time[-1]),
+            "rate_hz": float(1.0 / np.median(run.dt)),
+            "notes": [],
+        }
+        for role, runs in (("fit", machine.fit), ("holdout", machine.holdout))
+        for run in runs
+    ]
+
+
+def _numerics_note(explanation: Explanation) -> list[str]:
+    if not explanation.fine:
+        return []
+    model = explanation.engine.model
+    return [
+        "The recordings agree better with the model integrated more finely than its own time step of "
+        f"{model.opt.timestep:g} s says; that difference is discretisation and is not named."
+    ]

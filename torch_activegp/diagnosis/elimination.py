@@ -1,0 +1,55 @@
+"""Normal equations after the free initial states are projected out."""
+
+from __future__ import annotations
+
+import dataclasses
+
+import numpy as np
+
+from torch_activegp.diagnosis.runs import Array
+
+
+@dataclasses.dataclass(frozen=True)
+class Eliminated:
+    """Normal equations after the initial states were projected out.
+
+    Args:
+        normal: ``(S, P, P)``.
+        gradient: ``(S, P)``.
+        basis: orthonormal basis of the states' directions, ``(S, M, n)``.
+        triangle: ``(S, n, n)``.
+        columns: the parameters' columns ``(S, M, P)`` before projection.
+        residual: ``(S, M)``.
+    """
+
+    normal: Array
+    gradient: Array
+    basis: Array
+    triangle: Array
+    columns: Array
+    residual: Array
+
+    def states(self, delta: Array) -> Array:
+        """The change of the initial states that belongs to a change of the parameters, ``(S, n)``."""
+        left = self.residual - self.columns @ delta
+        right = np.einsum("smn,sm->sn", self.basis, left)
+        scale = np.abs(np.einsum("snn->sn", self.triangle)).max(axis=1, keepdims=True)
+        ridge = (1e-9 * scale[..., None] + 1e-12) * np.eye(self.triangle.shape[-1])
+        return np.linalg.solve(self.triangle + ridge, right[..., None])[..., 0]
+
+
+def eliminate(design: Array, columns: Array, residual: Array) -> Eliminated:
+    """Projects the free initial states out of the columns and the residual of every segment.
+
+    Args:
+        design: derivatives by the states, ``(S, M, n)``.
+        columns: derivatives by the parameters, ``(S, M, P)``.
+        residual: ``(S, M)``.
+    """
+    basis, triangle = np.linalg.qr(design)
+    inside = basis.transpose(0, 2, 1) @ columns
+    free = columns - basis @ inside
+    left = residual - np.einsum("smn,sn->sm", basis, np.einsum("smn,sm->sn", basis, residual))
+    normal = free.transpose(0, 2, 1) @ free
+    gradient = np.einsum("smp,sm->sp", free, left)
+    return Eliminated(normal, gradient, basis, triangle, columns, residual)

@@ -1,0 +1,206 @@
+"""Simulates many candidate models over many segments side by side."""
+
+from __future__ import annotations
+
+import copy
+import logging
+from collections.abc import Sequence
+
+import mujoco
+import mujoco.batch
+import numpy as np
+from numpy.typing import NDArray
+
+from torch_activegp.diagnosis.candidate import NOMINAL, Candidate, grouped
+from torch_activegp.diagnosis.controls import Controls, added
+from torch_activegp.diagnosis.readings import readings
+from torch_activegp.diagnosis.runs import Array, Channels, Run
+from torch_activegp.diagnosis.segments import Segments
+from torch_activegp.errors import ConfigurationError
+from torch_activegp.physics.effect import Effect, Step
+from torch_activegp.simulators.mujoco_warnings import warnings_to
+
+_logger = logging.getLogger(__name__)
+_MAX_ROWS = 6000
+_MAX_BYTES = 60_000_000
+
+
+class Engine:
+    """Runs a MuJoCo model with effects.
+
+    Args:
+        model: compiled nominal model; it is copied.
+        channels: the recorded joints.
+        substeps: time steps in each interval between rows.
+        nthread: threads; 0 for all cores.
+        integrator: one of ``mujoco.mjtIntegrator`` in place of the model's own.
+    """
+
+    def __init__(
+        self,
+        model: mujoco.MjModel,
+        channels: Channels,
+        substeps: int,
+        nthread: int = 0,
+        integrator: int | None = None,
+    ) -> None:
+        self.model = copy.copy(model)
+        if integrator is not None:
+            self.model.opt.integrator = integrator
+        self.channels = channels
+        self.substeps = substeps
+        self.nthread = nthread
+        self._batch: mujoco.batch.Batch | None = None
+
+    @property
+    def state_size(self) -> int:
+        """Positions and velocities: the free part of an initial state."""
+        return int(self.model.nq + self.model.nv)
+
+    def starts(self, segments: Segments) -> Array:
+        """First guess of the initial states from the smoothed recordings, ``(S, nq + nv)``."""
+        model, channels = self.model, self.channels
+        states = np.zeros((segments.size, self.state_size))
+        states[:, : model.nq] = model.qpos0
+        for s, (run, first) in enumerate(zip(segments.run, segments.first, strict=True)):
+            states[s, channels.qpos] = segments.runs[run].smooth[first]
+            states[s, model.nq + channels.dof] = segments.runs[run].velocity[first]
+        return states
+
+    def predict(self, segments: Segments, starts: Array, candidates: Sequence[Candidate]) -> tuple[Array, Array]:
+        """Simulates every candidate over every segment.
+
+        Args:
+            segments: S segments of K intervals.
+            starts: initial states, ``(N, S, nq + nv)``, one set for each of the N candidates.
+            candidates: N candidates.
+
+        Returns:
+            What the sensors would read, ``(N, S, K + 1, C)``, and the velocities of the recorded joints, same shape;
+            NaN in all of a segment whose simulation failed.
+        """
+        channels = self.channels
+        memory = segments.size * (segments.intervals + 1) * self.state_size * 8
+        per_call = max(min(_MAX_ROWS // segments.size, _MAX_BYTES // memory), 1)
+        read, speeds = [], []
+        for i in range(0, len(candidates), per_call):
+            some = candidates[i : i + per_call]
+            states = self._simulate(segments, starts[i : i + per_call], some)
+            position, velocity = states[..., channels.qpos], states[..., self.model.nq + channels.dof]
+            read.append(readings(some, position, velocity, segments.dt))
+            speeds.append(velocity)
+        return np.concatenate(read), np.concatenate(speeds)
+
+    def trajectories(self, segments: Segments, starts: Array, candidate: Candidate) -> Array:
+        """All states of one candidate, ``(S, K + 1, nq + nv)``."""
+        return self._simulate(segments, starts[None], [candidate])[0]
+
+    def _simulate(self, segments: Segments, starts: Array, candidates: Sequence[Candidate]) -> Array:
+        count, size, intervals, model = len(candidates), segments.size, segments.intervals, self.model
+        rows = count * size
+        control = Controls(segments, candidates, self.substeps, model.nu)
+        force = added(segments.take("force"), [candidate.force for candidate in candidates])
+        batch = self._batch_for(rows)
+        fields = _Fields(batch)
+        time_step = fields("opt.timestep")
+        time_step[:rows] = np.median(segments.dt) / self.substeps
+        acting, derived = self._acting(segments, candidates, fields)
+        views = {name: batch.bind(name)[:rows] for name in ("qpos", "qvel", "ctrl", "qfrc_applied")}
+        batch.state[:rows] = self._reset_row
+        flat = starts.reshape(rows, -1)
+        views["qpos"][:] = flat[:, : model.nq]
+        views["qvel"][:] = flat[:, model.nq :]
+        batch.warning[:rows] = 0
+        ids = np.arange(rows, dtype=np.int32)
+        steps = np.broadcast_to(segments.dt / self.substeps, (count, size, intervals)).reshape(rows, intervals)
+        states = np.empty((rows, intervals + 1, self.state_size))
+        states[:, 0] = flat
+        with warnings_to(_logger.debug), np.errstate(all="ignore"):
+            for k in range(intervals):
+                time_step[:rows] = steps[:, k]
+                for j in range(self.substeps):
+                    views["ctrl"][:] = control(k, j)
+                    views["qfrc_applied"][:] = force[:, :, k].reshape(rows, -1)
+                    if acting:
+                        step = Step(
+                            views["qpos"], views["qvel"], views["ctrl"], views["qfrc_applied"], fields, steps[:, k]
+                        )
+                        for effect, which, values, memory in acting:
+                            effect.before_step(step, which, values, memory)
+                    try:
+                        batch.step(ids, 1)
+                    except mujoco.batch.SimulationError as error:
+                        _logger.debug("%s", error)
+                states[:, k + 1, : model.nq], states[:, k + 1, model.nq :] = views["qpos"], views["qvel"]
+        failed = (batch.warning[:rows, :, 1] > 0).any(axis=1) | (batch.status[:rows] != 0)
+        states[failed] = np.nan
+        fields.restore(model)
+        if derived:
+            batch.set_const(ids)
+        return states.reshape(count, size, intervals + 1, self.state_size)
+
+    def _acting(
+        self, segments: Segments, candidates: Sequence[Candidate], fields: _Fields
+    ) -> tuple[list[tuple[Effect, NDArray[np.int64], Array, Array | None]], bool]:
+        """Applies the edits of the models; returns the effects that act in every step, and if constants changed."""
+        size, derived = segments.size, False
+        starts = np.stack([segments.run, segments.first], axis=1)
+        acting = []
+        for effect, which, values in grouped(candidates):
+            rows = (which[:, None] * size + np.arange(size)).ravel()
+            repeated = np.repeat(values, size, axis=0)
+            derived |= effect.edit(fields, rows, repeated)
+            if effect.needs_steps:
+                memory = None
+                if hasattr(effect, "qpos"):
+                    positions = _padded([run.smooth for run in segments.runs], self.channels, effect.qpos)
+                    if positions is not None:
+                        memory = effect.memory(positions, np.tile(starts, (len(which), 1)), repeated)
+                acting.append((effect, rows, repeated, memory))
+        if derived:
+            assert self._batch is not None
+            self._batch.set_const(np.arange(len(candidates) * size, dtype=np.int32))
+        return acting, derived
+
+    def _batch_for(self, rows: int) -> mujoco.batch.Batch:
+        if self._batch is None or self._batch.nsim < rows:
+            capacity = 1 << max(rows - 1, 0).bit_length()
+            try:
+                self._batch = mujoco.batch.Batch(self.model, capacity, self.nthread)
+            except ValueError as error:
+                raise ConfigurationError(
+                    f"MuJoCo cannot run this model in batches: {error}. Turn that feature off in the model."
+                ) from error
+            self._reset_row = self._batch.state[0].copy()
+        return self._batch
+
+
+class _Fields:
+    """Fields of the model with one value for each simulation, put back after use."""
+
+    def __init__(self, batch: mujoco.batch.Batch) -> None:
+        self._batch = batch
+
+    def __call__(self, name: str) -> Array:
+        return self._batch.expand(name)
+
+    def restore(self, model: mujoco.MjModel) -> None:
+        for name in list(self._batch._expanded):
+            value = getattr(model.opt, name[4:]) if name.startswith("opt.") else getattr(model, name)
+            self._batch.expand(name)[...] = value
+
+
+def _padded(columns: Sequence[Array], channels: Channels, address: int) -> Array | None:
+    where = np.flatnonzero(channels.qpos == address)
+    if not len(where):
+        return None
+    length = max(len(column) for column in columns)
+    return np.stack([np.pad(c[:, where[0]], (0, length - len(c)), mode="edge") for c in columns])
+
+
+def substeps_for(model: mujoco.MjModel, runs: Sequence[Run]) -> int:
+    """Time steps of the model in the median interval between rows."""
+    return max(round(float(np.median(np.concatenate([run.dt for run in runs]))) / model.opt.timestep), 1)
+
+
+__all__ = ["NOMINAL", "Candidate", "Engine", "substeps_for"]

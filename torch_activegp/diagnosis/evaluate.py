@@ -1,0 +1,43 @@
+"""How well a simulator forecasts recordings as it is."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+from torch_activegp.data import Recording
+from torch_activegp.diagnosis.engine import NOMINAL, Engine, substeps_for
+from torch_activegp.diagnosis.forecast import compare
+from torch_activegp.diagnosis.noise_floor import noise_floor
+from torch_activegp.diagnosis.runs import Channels, make_run
+from torch_activegp.diagnosis.source import read_source
+from torch_activegp.errors import DataError
+
+
+def evaluate(model: object, recordings: Sequence[Recording], nthread: int = 0) -> dict[str, Any]:
+    """Says how far a simulator's forecasts are from recordings; no parameter is fitted.
+
+    Errors are root mean squares over the recorded positions in units of the standard deviation of what was measured.
+
+    Args:
+        model: what :func:`~torch_activegp.diagnosis.diagnose` takes.
+        recordings: runs to forecast.
+        nthread: threads of the simulations; 0 for all cores.
+
+    Returns:
+        ``one_step`` (0.1 s ahead, from smoothed states) and ``free_run`` (a whole run from a fitted initial state),
+        each with the ``error`` and what ``noise`` alone would leave; and ``runs``, the same for each run and channel.
+
+    Raises:
+        DataError: no recordings, or one that does not fit the model.
+        ConfigurationError: a model that does not compile or cannot be simulated in batches.
+    """
+    if not recordings:
+        raise DataError("evaluate: no recordings found, at least one wanted.")
+    source = read_source(model)
+    channels = Channels.of(source.model, recordings)
+    runs = [make_run(recording, source.model, channels) for recording in recordings]
+    engine = Engine(source.model, channels, substeps_for(source.model, runs), nthread)
+    noise = noise_floor(runs)
+    errors, _ = compare({"error": (engine, NOMINAL)}, runs, channels.joints, noise)
+    return {key: errors[key] for key in ("runs", "one_step", "free_run")}

@@ -1,0 +1,107 @@
+"""The next recording: controls that tell the leading rivals apart."""
+
+from __future__ import annotations
+
+import io
+from typing import Any
+
+import numpy as np
+
+from torch_activegp.diagnosis.engine import Candidate, Engine
+from torch_activegp.diagnosis.fit import Fit
+from torch_activegp.diagnosis.noise_model import NoiseModel
+from torch_activegp.diagnosis.runs import Array, Run, input_addresses
+from torch_activegp.diagnosis.segments import cut
+
+SECONDS = 5.0
+_TRIALS = 24
+
+
+def next_experiment(
+    engine: Engine, rivals: list[Fit], runs: tuple[Run, ...], noise: NoiseModel, seed: int
+) -> tuple[dict[str, Any], str] | None:
+    """Chooses, among random multisines within the actuators' limits, the control under which two models differ most.
+
+    This is the acquisition of the exploring loop with the rivals' predicted difference in place of the discrepancy.
+
+    Args:
+        engine: the precise simulation.
+        rivals: two fits to be separated.
+        runs: recordings, for the time step, the limits and the initial state.
+        noise: of the recordings.
+        seed: of the random controls.
+
+    Returns:
+        The entry of ``diagnosis.json`` and the CSV text; None for a machine without controls or without two rivals.
+    """
+    model = engine.model
+    if model.nu == 0 or len(rivals) < 2:
+        return None
+    step = float(np.median(runs[0].dt))
+    rows = round(SECONDS / step) + 1
+    low, high = _limits(engine, runs)
+    rng = np.random.default_rng(seed)
+    time: Array = step * np.arange(rows, dtype=float)
+    trials = [_multisine(rng, time, low, high) for _ in range(_TRIALS)]
+    start = engine.starts(cut([runs[0]], 1e9, 0.0))[0]
+    joints = len(engine.channels.joints)
+    made = [
+        Run(
+            f"trial {i}",
+            time,
+            np.zeros((rows, joints)),
+            np.ones(rows, dtype=bool),
+            np.zeros((rows, joints)),
+            np.tile(start[engine.channels.qpos], (rows, 1)),
+            control,
+            np.zeros((rows - 1, model.nv)),
+            noise.scale,
+        )
+        for i, control in enumerate(trials)
+    ]
+    segments = cut(made, 1e9, 0.0)
+    states = np.repeat(start[None, None], segments.size, axis=1)
+    both = [Candidate(fit.effects, fit.values) for fit in rivals[:2]]
+    predicted, _ = engine.predict(segments, np.repeat(states, 2, axis=0), both)
+    apart = np.nan_to_num((((predicted[0] - predicted[1]) / noise.scale) ** 2).sum(axis=(1, 2)), posinf=0.0)
+    best = int(np.argmax(apart))
+    names = [sorted({name for name, _ in fit.keys}) or ["no effect"] for fit in rivals[:2]]
+    words = [" + ".join(n) for n in names]
+    gain = float(apart[best])
+    entry = {
+        "separates": words,
+        "why": (
+            f"{words[0]} and {words[1]} predict positions that differ by chi2 = {gain:.3g} under these controls "
+            f"({SECONDS:g} s, within the limits seen); start where {runs[0].label} started."
+        ),
+        "controls": "next.csv",
+        "predicted_gain": gain,
+    }
+    return entry, _csv(engine, time, trials[best])
+
+
+def _limits(engine: Engine, runs: tuple[Run, ...]) -> tuple[Array, Array]:
+    """Least and largest control, ``(nu,)`` each: as large as was seen, and within the actuators' limits."""
+    model = engine.model
+    seen = np.max([np.abs(run.control).max(axis=0) for run in runs], axis=0)
+    limited = model.actuator_ctrllimited.astype(bool)
+    reach = np.where(limited & (seen == 0), np.inf, seen)
+    low, high = model.actuator_ctrlrange.T
+    return np.where(limited, np.maximum(low, -reach), -reach), np.where(limited, np.minimum(high, reach), reach)
+
+
+def _multisine(rng: np.random.Generator, time: Array, low: Array, high: Array) -> Array:
+    frequency = rng.uniform(0.1, 3.0, (4, len(low)))
+    phase = rng.uniform(0, 2 * np.pi, (4, len(low)))
+    weight = rng.dirichlet(np.ones(4), len(low)).T
+    waves = (weight * np.sin(2 * np.pi * frequency * time[:-1, None, None] + phase)).sum(axis=1)
+    return np.asarray(0.5 * (low + high) + 0.5 * (high - low) * waves * rng.uniform(0.3, 1.0))
+
+
+def _csv(engine: Engine, time: Array, control: Array) -> str:
+    out = io.StringIO()
+    inputs = input_addresses(engine.model)
+    table = np.column_stack([time, np.vstack([control, control[-1:]])[:, list(inputs.values())]])
+    header = ",".join(["time", *(f"ctrl.{name}" for name in inputs)])
+    np.savetxt(out, table, delimiter=",", header=header, comments="", fmt="%.9g")
+    return out.getvalue()

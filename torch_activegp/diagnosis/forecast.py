@@ -1,0 +1,107 @@
+"""How well models predict runs: one step ahead, and run freely from a fitted initial state."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+
+from torch_activegp.diagnosis.engine import Candidate, Engine
+from torch_activegp.diagnosis.noise_model import NoiseModel
+from torch_activegp.diagnosis.runs import Array, Run
+from torch_activegp.diagnosis.segments import cut
+from torch_activegp.diagnosis.shooting import Shooting
+
+STEP = 0.1
+"""One step ahead means at least this long, s: in one sample a machine hardly moves by more than the noise."""
+_FIRST = 1.0
+
+
+def one_step(engine: Engine, candidate: Candidate, run: Run) -> Array:
+    """Errors one step ahead, from states smoothed without a model, ``(N, C)``, rad or m."""
+    step = float(np.median(run.dt))
+    segments = cut([run], max(STEP, step), 0.0)
+    predicted, _ = engine.predict(segments, engine.starts(segments)[None], [candidate])
+    last = np.array([np.flatnonzero(row)[-1] if row.any() else 0 for row in segments.counts])
+    index = np.arange(segments.size)
+    reached = np.minimum(last + 1, np.minimum(segments.intervals, len(run) - 1 - segments.first))
+    errors = segments.position[index, reached] - predicted[0, index, reached]
+    return np.asarray(errors[segments.counts.any(axis=1)])
+
+
+def free_run(engine: Engine, candidate: Candidate, run: Run, noise: NoiseModel) -> tuple[Array, Array]:
+    """Positions of a whole run from one initial state, fitted to the first second and then to all of it.
+
+    Returns:
+        Positions ``(K + 1, C)``, rad or m, and the initial state, ``(nq + nv,)``.
+    """
+    whole = cut([run], 1e9, 0.0)
+    start = engine.starts(whole)
+    head = cut([run], _FIRST, 0.0).pick(np.array([0]))
+    begun = Shooting(engine, head, noise).fit([(candidate.effects, candidate.values)], start, hold=True)[0].starts
+    full = Shooting(engine, whole, noise)
+    fits = [full.fit([(candidate.effects, candidate.values)], s, hold=True)[0] for s in (begun, start)]
+    best = min(fits, key=lambda fit: fit.chi2)
+    predicted, _ = engine.predict(whole, best.starts[None], [candidate])
+    return predicted[0, 0], best.starts[0]
+
+
+def compare(
+    models: dict[str, tuple[Engine, Candidate]], runs: Sequence[Run], joints: Sequence[str], noise: NoiseModel
+) -> tuple[dict[str, Any], list[dict[str, Any]]]:
+    """NRMSE of several models on runs, per run and channel and over all, and the traces of the free runs.
+
+    Args:
+        models: engine and candidate by the name of the model (``before``, ``after``, ``gp``).
+        runs: held-out runs.
+        joints: the recorded joints.
+        noise: noise of the recordings.
+
+    Returns:
+        The ``holdout`` entry of ``diagnosis.json``, and traces as the report draws them.
+    """
+    entries: list[dict[str, Any]] = []
+    traces: list[dict[str, Any]] = []
+    sums: dict[tuple[str, str], list[float]] = {}
+    units = next(iter(models.values()))[0].channels.units
+    for run in runs:
+        spread = np.maximum(run.position[run.recorded].std(axis=0), 1e-12)
+        steps = {name: one_step(engine, candidate, run) for name, (engine, candidate) in models.items()}
+        frees = {name: free_run(engine, candidate, run, noise) for name, (engine, candidate) in models.items()}
+        for c, joint in enumerate(joints):
+            entry: dict[str, Any] = {"run": run.label, "channel": f"qpos.{joint}", "one_step": {}, "free_run": {}}
+            for name in models:
+                far = run.position[run.recorded, c] - frees[name][0][run.recorded, c]
+                entry["one_step"][name] = _rms(steps[name][:, c]) / spread[c]
+                entry["free_run"][name] = _rms(far) / spread[c]
+            for kind in ("one_step", "free_run"):
+                entry[kind]["noise"] = float(noise.scale[c] / spread[c])
+                for name, value in entry[kind].items():
+                    sums.setdefault((kind, name), []).append(value)
+            entries.append(entry)
+            traces.append(_trace(run, c, f"qpos.{joint}", units[c], frees, float(noise.scale[c])))
+    overall: dict[str, Any] = {"one_step": {}, "free_run": {}}
+    for (kind, name), values in sums.items():
+        overall[kind][name] = _rms(np.array(values))
+    overall["runs"] = entries
+    overall["step_seconds"] = STEP
+    return overall, traces
+
+
+def _rms(values: Array) -> float:
+    value = float(np.sqrt(np.mean(values**2)))
+    return value if np.isfinite(value) else 1e9
+
+
+def _trace(
+    run: Run, channel: int, name: str, unit: str, frees: dict[str, tuple[Array, Array]], noise: float
+) -> dict[str, Any]:
+    thin = max(len(run) // 1500, 1)
+    trace: dict[str, Any] = {"run": run.label, "channel": name, "unit": unit, "noise": noise, "gp": None}
+    trace["time"] = run.time[::thin].round(6).tolist()
+    trace["measured"] = run.position[::thin, channel].round(7).tolist()
+    for kind, (positions, state) in frees.items():
+        trace[kind] = np.nan_to_num(positions[::thin, channel], nan=0.0).round(7).tolist()
+        trace[f"start_{kind}"] = state.tolist()
+    return trace

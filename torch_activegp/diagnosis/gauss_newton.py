@@ -1,0 +1,216 @@
+"""Gauss-Newton with damping for one set of effects: it asks for simulations and is told their residuals."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Protocol
+
+import numpy as np
+
+from torch_activegp.diagnosis.elimination import eliminate
+from torch_activegp.diagnosis.engine import Candidate
+from torch_activegp.diagnosis.fit import Fit
+from torch_activegp.diagnosis.runs import Array
+from torch_activegp.physics.effect import Effect
+
+_STEP = 0.05
+_FIRST_DAMPING = 1e-6
+_RACERS = 3
+_MUCH = 0.02
+_LITTLE = 0.05
+
+
+class Likelihood(Protocol):
+    """What a problem needs of the likelihood."""
+
+    def state_columns(self, starts: Array) -> Array:
+        """Perturbations of the initial states worth trying, ``(n,)``."""
+        ...
+
+
+def give_up(problems: Sequence[Problem]) -> None:
+    """Ends the fits that stay far behind: not among the best three, and not close to the best."""
+    order = sorted(problems, key=lambda p: p.chi2)
+    best, worst = order[0].chi2, max((p.chi2 for p in order if np.isfinite(p.chi2)), default=np.inf)
+    for problem in order[_RACERS:]:
+        if problem.chi2 > best + max(60.0, 0.1 * (worst - best)):
+            problem.finished = True
+
+
+class Problem:
+    """One set on its way to the optimum: Levenberg-Marquardt on the parameters, the states by projection."""
+
+    def __init__(
+        self,
+        shooting: Likelihood,
+        effects: tuple[Effect, ...],
+        values: tuple[Array, ...],
+        starts: Array,
+        hold: bool = False,
+    ) -> None:
+        self.shooting = shooting
+        self.effects = effects
+        self.finished = False
+        self._trial = np.concatenate([np.asarray(v, dtype=float) for v in values]) if values else np.zeros(0)
+        self._trial_starts = starts.copy()
+        self._low = np.array([p.low for e in effects for p in e.parameters])
+        self._high = np.array([p.high for e in effects for p in e.parameters])
+        self._scale = np.array([p.scale for e in effects for p in e.parameters])
+        self._damping = _FIRST_DAMPING
+        self._best: dict[str, Array | float] | None = None
+        self._design: Array | None = None
+        self._columns: Array | None = None
+        self._brake = np.ones(len(starts))
+        self._residual = np.zeros(0)
+        self._age = 0
+        self._hold = hold
+        self._lengths = [len(e.parameters) for e in effects]
+
+    @property
+    def chi2(self) -> float:
+        """The least chi2 so far."""
+        return np.inf if self._best is None else float(self._best["chi2"])
+
+    def _values(self, flat: Array) -> tuple[Array, ...]:
+        return tuple(np.split(flat, np.cumsum(self._lengths)[:-1])) if self._lengths else ()
+
+    def ask(self) -> tuple[list[Candidate], Array]:
+        """A trial alone, or the derivatives at the best point, or both in the beginning.
+
+        Derivatives are computed anew only where the last step has changed much.
+        """
+        flat, starts = self._trial, self._trial_starts
+        base = Candidate(self.effects, self._values(flat))
+        if self._design is not None and self._columns is not None:
+            return [base], starts[None]
+        self._state_steps = self.shooting.state_columns(starts)
+        step = _STEP * np.where(np.abs(flat) > self._scale, np.abs(flat), self._scale)
+        self._steps = np.where(flat + step > self._high, -step, step)
+        n = len(self._state_steps) if self._design is None else 0
+        states = np.repeat(starts[None], 1 + n + len(flat), axis=0)
+        states[1 : 1 + n] += np.eye(len(self._state_steps))[:n, None, :] * self._state_steps
+        candidates = [base] * (1 + n)
+        for i in range(len(flat)):
+            moved = flat.copy()
+            moved[i] += self._steps[i]
+            candidates.append(Candidate(self.effects, self._values(moved)))
+        return candidates, states
+
+    def tell(self, white: Array, last: bool) -> None:
+        """Takes the whitened residuals of what was asked for and makes the next trial."""
+        residual = white[0]
+        per_segment = (residual**2).sum(-1)
+        chi2 = float(per_segment.sum())
+        chi2 = chi2 if np.isfinite(chi2) else np.inf
+        if self._best is not None and len(white) == 1 and (self._hold or not len(self._trial)):
+            self._each_for_itself(residual, per_segment, last)
+            return
+        if len(white) > 1 or self._columns is None:
+            self._take_derivatives(white)
+        elif not chi2 < self.chi2:
+            self._worse(last)
+            return
+        old = self.chi2
+        if chi2 <= old:
+            self._best = {"chi2": chi2, "flat": self._trial, "starts": self._trial_starts, "per_segment": per_segment}
+            self._residual = np.nan_to_num(residual)
+        assert self._design is not None and self._columns is not None
+        self._linear = eliminate(self._design, self._columns, np.nan_to_num(residual))
+        fell = old - chi2
+        if len(white) == 1:
+            self._damping = max(self._damping / 10.0, 1e-9)
+            self._age += 1
+            if fell > _MUCH * chi2 and not last:  # far from where the derivatives were taken: once more, here
+                self._columns = None
+                self._design = None if fell > 0.5 * chi2 else self._design
+                return
+            self.finished = fell < 1e-4 * chi2 + 0.05
+        self.finished |= last
+        if not self.finished:
+            self._propose()
+
+    def _each_for_itself(self, residual: Array, per_segment: Array, last: bool) -> None:
+        """Without free parameters every segment takes its own step, or a shorter one."""
+        assert self._best is not None and self._design is not None and self._columns is not None
+        old = np.asarray(self._best["per_segment"])
+        better = per_segment < old
+        starts = np.where(better[:, None], self._trial_starts, np.asarray(self._best["starts"]))
+        level = np.where(better, per_segment, old)
+        self._residual = np.where(better[:, None], np.nan_to_num(residual), self._residual)
+        fell = float((old - level).sum())
+        self._best = {"chi2": float(level.sum()), "flat": self._trial, "starts": starts, "per_segment": level}
+        self._linear = eliminate(self._design, self._columns, self._residual)
+        self._brake = np.where(better, np.minimum(2.0 * self._brake, 1.0), 0.3 * self._brake)
+        self._age += 1
+        big = fell > _MUCH * self.chi2
+        self.finished = last or (fell < 1e-4 * self.chi2 + _LITTLE and bool((self._brake < 0.05)[~better].all()))
+        if big and self._age >= 2 and not last:
+            self._trial_starts = starts
+            self._design = self._columns = None
+        elif not self.finished:
+            self._propose()
+
+    def _take_derivatives(self, white: Array) -> None:
+        residual, n = white[0], len(white) - 1 - len(self._trial)
+        if self._design is None:
+            moved = -(white[1 : 1 + n] - residual) / self._state_steps[:, None, None]
+            self._design = np.nan_to_num(moved).transpose(1, 2, 0)
+        self._columns = np.nan_to_num(-(white[1 + n :] - residual) / self._steps[:, None, None]).transpose(1, 2, 0)
+        self._age = 0
+
+    def _worse(self, last: bool) -> None:
+        """A step that did not help: first blame old derivatives, then the length of the step."""
+        assert self._best is not None
+        if self._age and not last:
+            self._design = self._columns = None
+            self._trial, self._trial_starts = np.asarray(self._best["flat"]), np.asarray(self._best["starts"])
+            return
+        self._damping = max(5.0 * self._damping, 0.5)
+        self.finished = self._damping > 1e3 or last
+        if not self.finished:
+            self._propose()
+
+    def _propose(self) -> None:
+        assert self._best is not None
+        flat, starts = np.asarray(self._best["flat"]), np.asarray(self._best["starts"])
+        eliminated = self._linear
+        delta = np.zeros(len(flat))
+        if len(flat) and not self._hold:
+            normal, gradient = eliminated.normal.sum(0), eliminated.gradient.sum(0)
+            free = np.ones(len(flat), dtype=bool)
+            for _ in range(3):  # a parameter that would leave its bounds stays at the bound
+                delta = np.zeros(len(flat))
+                matrix = normal[np.ix_(free, free)]
+                weight = self._damping * np.diag(matrix) + 1e-300
+                if free.any():
+                    delta[free] = np.linalg.lstsq(matrix + np.diag(weight), gradient[free], rcond=1e-12)[0]
+                wanted = flat + delta
+                stuck = free & (
+                    ((wanted < self._low) & (flat <= self._low)) | ((wanted > self._high) & (flat >= self._high))
+                )
+                if not stuck.any():
+                    break
+                free &= ~stuck
+            delta = np.clip(flat + delta, self._low, self._high) - flat
+        shift = eliminated.states(delta)
+        gain = float((np.einsum("smn,sm->sn", eliminated.basis, eliminated.residual) ** 2).sum())
+        if len(delta):
+            gain += float(2 * eliminated.gradient.sum(0) @ delta - delta @ eliminated.normal.sum(0) @ delta)
+        if gain < _LITTLE + 1e-5 * self.chi2:
+            self.finished = True
+        brake = self._brake[:, None] / (1.0 + self._damping)
+        self._trial, self._trial_starts = flat + delta, starts + brake * shift
+
+    def result(self) -> Fit:
+        """The best point."""
+        assert self._best is not None
+        linear = self._linear
+        return Fit(
+            self.effects,
+            self._values(np.asarray(self._best["flat"])),
+            np.asarray(self._best["starts"]),
+            float(self._best["chi2"]),
+            np.asarray(self._best["per_segment"]),
+            linear.normal.sum(0),
+            linear.gradient,
+        )

@@ -1,0 +1,60 @@
+"""Intervals of the parameters."""
+
+from __future__ import annotations
+
+import numpy as np
+from scipy import stats
+
+from torch_activegp.diagnosis.fit import Fit
+from torch_activegp.diagnosis.result import Estimate
+from torch_activegp.diagnosis.runs import Array
+from torch_activegp.diagnosis.shooting import Shooting
+from torch_activegp.physics.effect import Effect
+
+_LEVEL = 0.975
+
+
+def covariance(shooting: Shooting, fit: Fit) -> Array:
+    """Covariance of the parameters of a fit, ``(P, P)``.
+
+    The larger, parameter by parameter, of two estimates: the inverse information times the variance that is left, and
+    the sandwich over segments, which holds where the noise is not what the likelihood says.
+
+    Reference: White, *Maximum Likelihood Estimation of Misspecified Models*, Econometrica 50 (1982).
+    """
+    scale = np.sqrt(np.maximum(np.diag(fit.information), 1e-300))
+    inverse = np.linalg.pinv(fit.information / np.outer(scale, scale), rcond=1e-10) / np.outer(scale, scale)
+    variance = max(fit.chi2 / max(shooting.dof - fit.size, 1), 1e-12)
+    plain = variance * inverse
+    size = len(fit.scores)
+    if size <= fit.size + 2:
+        return plain
+    sandwich = inverse @ (fit.scores.T @ fit.scores) @ inverse * size / (size - fit.size)
+    ratio = np.sqrt(np.maximum(np.diag(sandwich) / np.maximum(np.diag(plain), 1e-300), 1.0))
+    return plain * np.outer(ratio, ratio)
+
+
+def estimates(shooting: Shooting, fit: Fit, effect: Effect) -> dict[str, Estimate]:
+    """The parameters of one effect of a fit as its users know them, with 95 % intervals (delta method)."""
+    k = fit.effects.index(effect)
+    first = sum(len(v) for v in fit.values[:k])
+    values = fit.values[k]
+    block = covariance(shooting, fit)[first : first + len(values), first : first + len(values)]
+    center = effect.describe(values)
+    steps = 1e-4 * np.maximum(np.abs(values), [p.scale for p in effect.parameters])
+    moved = [effect.describe(values + step) for step in np.diag(steps)]
+    wide = stats.t.ppf(_LEVEL, max(shooting.segments.size - fit.size, 3))
+    out = {}
+    for i, (name, value) in enumerate(center.items()):
+        slope = np.array([(m[name] - value) / step for m, step in zip(moved, steps, strict=True)])
+        half = float(wide * np.sqrt(max(slope @ block @ slope, 0.0)))
+        out[name] = Estimate(value, _unit(effect, name, i), (value - half, value + half))
+    return out
+
+
+def _unit(effect: Effect, name: str, index: int) -> str:
+    """The unit of a described parameter: that of the parameter of the same name, else of the one in its place."""
+    units = {p.name: p.unit for p in effect.parameters}
+    position = effect.parameters[0].unit.partition("/")[2] or "rad"
+    known = {"rest": position, "phase": "rad", "amplitude": effect.parameters[0].unit, "gain": "1"}
+    return units.get(name) or known.get(name) or effect.parameters[min(index, len(effect.parameters) - 1)].unit

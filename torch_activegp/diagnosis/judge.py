@@ -1,0 +1,197 @@
+"""From compared sets to a verdict: how sure, what else, what is left."""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Sequence
+
+import numpy as np
+from scipy import stats
+
+from torch_activegp.diagnosis.elimination import eliminate
+from torch_activegp.diagnosis.fit import Fit
+from torch_activegp.diagnosis.reference import free_force_columns
+from torch_activegp.diagnosis.runs import Array
+from torch_activegp.diagnosis.selection import Selection
+from torch_activegp.diagnosis.shooting import Shooting
+from torch_activegp.physics.effect import Effect
+
+TIE = 6.0
+"""Sets whose scores differ by less (odds of 20 to 1) are not told apart."""
+HIDDEN_SHARE = 0.03
+INADEQUATE = 0.15
+SURE = 1e-5
+DOUBT = 0.01
+VISIBLE = 0.3
+"""A mismatch without any name must be this large a part of the noise: floors are known no better."""
+VISIBLE_IN_COLOUR = 1.5
+"""The same where the noise is coloured."""
+
+
+@dataclasses.dataclass(frozen=True)
+class Omnibus:
+    """Is anything left that a force free in time would explain?
+
+    Args:
+        excess: decrease of chi2 beyond what noise gives, never negative.
+        p_value: of the F test.
+    """
+
+    excess: float
+    p_value: float
+
+
+def omnibus(shooting: Shooting, fit: Fit) -> Omnibus:
+    """F test of a free force in bins of 0.2 s against none, on top of a fit."""
+    residual, states, forces = free_force_columns(shooting, fit, seconds=0.2)
+
+    def white(block: Array) -> Array:
+        return shooting.noise.whiten(shooting.segments, np.moveaxis(block, -1, 0)).transpose(1, 2, 0)
+
+    clean = np.nan_to_num(shooting.noise.whiten(shooting.segments, residual))
+    linear = eliminate(white(states), white(forces), clean)
+    gain, count = 0.0, 0
+    for normal, gradient in zip(linear.normal, linear.gradient, strict=True):
+        scale = np.sqrt(np.maximum(np.diag(normal), 1e-300))
+        value, vector = np.linalg.eigh(normal / np.outer(scale, scale))
+        seen = value > 1e-8
+        gain += float((((vector.T @ (gradient / scale)) ** 2)[seen] / value[seen]).sum())
+        count += int(seen.sum())
+    left = float((clean**2).sum()) - float((np.einsum("smn,sm->sn", linear.basis, clean) ** 2).sum()) - gain
+    dof = max(shooting.dof - count, 1)
+    ratio = (gain / max(count, 1)) / max(left / dof, 1e-300)
+    return Omnibus(max(gain - count * left / dof, 0.0), float(stats.f.sf(ratio, max(count, 1), dof)))
+
+
+@dataclasses.dataclass(frozen=True)
+class Judgement:
+    """The verdict with its reasons.
+
+    Args:
+        verdict: ``none``, ``named``, ``tie`` or ``unknown``.
+        fit: the set that was chosen.
+        named: the effects of it that are named, in the order in which they explain.
+        shares: part of the mismatch that each explains.
+        probabilities: of each.
+        ties: of each, (name, target) pairs.
+        retuned: effects of the set that undo a tuning of the nominal.
+        unexplained: part of the mismatch that is left.
+        white: whether what is left is noise.
+        p_value: of the mismatch.
+        rivals: compared sets, their scores less the best one's, and their probabilities.
+    """
+
+    verdict: str
+    fit: Fit
+    named: tuple[Effect, ...]
+    shares: tuple[float, ...]
+    probabilities: tuple[float, ...]
+    ties: tuple[tuple[tuple[str, str], ...], ...]
+    retuned: tuple[Effect, ...]
+    unexplained: float
+    white: bool
+    p_value: float
+    rivals: tuple[tuple[Fit, float, float], ...]
+
+
+def judge(shooting: Shooting, selection: Selection) -> Judgement:
+    """Decides what may be said.
+
+    Args:
+        shooting: the likelihood.
+        selection: the compared sets.
+    """
+    best, nominal = selection.best, selection.nominal
+    before = omnibus(shooting, nominal)
+    rivals = _rivals(selection)
+    gain = nominal.chi2 - best.chi2
+    if not best.effects:
+        verdict = "unknown" if _visible(shooting, before) else "none"
+        share = 1.0 if verdict == "unknown" else 0.0
+        return Judgement(verdict, best, (), (), (), (), (), share, verdict == "none", before.p_value, rivals)
+    after = omnibus(shooting, best)
+    unexplained = after.excess / max(after.excess + gain, 1e-300)
+    white = after.p_value > SURE
+    named, retuned = _split(shooting, selection)
+    order, shares = _shares(shooting, selection, named, 1.0 - unexplained)
+    probabilities = tuple(_probability(rivals, effect) for effect in order)
+    ties = tuple(_ties(rivals, best, effect) for effect in order)
+    p_value = min(before.p_value, float(stats.chi2.sf(gain / selection.score.scale, best.size)) * selection.score.names)
+    if after.p_value < DOUBT and unexplained > INADEQUATE:
+        verdict = "unknown" if _visible(shooting, before) else "none"
+    else:
+        verdict = "tie" if any(ties) else "named"
+    return Judgement(
+        verdict, best, order, shares, probabilities, ties, retuned, unexplained, white, min(p_value, 1.0), rivals
+    )
+
+
+def _visible(shooting: Shooting, before: Omnibus) -> bool:
+    """Whether a mismatch without a name is large enough to be believed."""
+    least = VISIBLE_IN_COLOUR if shooting.noise.colour.any() else VISIBLE
+    return before.p_value < SURE and before.excess > least * shooting.dof
+
+
+def _rivals(selection: Selection) -> tuple[tuple[Fit, float, float], ...]:
+    ranked = selection.ranked()
+    scores = np.array([selection.score(fit) for fit in ranked])
+    weights = np.exp(-0.5 * (scores - scores.min()))
+    weights /= weights.sum()
+    return tuple((f, float(s - scores.min()), float(w)) for f, s, w in zip(ranked, scores, weights, strict=True))
+
+
+def _split(shooting: Shooting, selection: Selection) -> tuple[list[Effect], tuple[Effect, ...]]:
+    """Tells effects from nuisances: what a modeller had tuned on these data gains nothing alone.
+
+    A nominal that was tuned on the data sits where damping, gain, rotor and bias gain nothing by themselves; only
+    together with what is missing do they move back.
+    """
+    best, nominal = selection.best, selection.nominal
+    tunable = [e for e in best.effects if e.tunable]
+    others = [e for e in best.effects if not e.tunable]
+    if not tunable or not others:
+        return list(best.effects), ()
+    values = tuple(v for e, v in zip(best.effects, best.values, strict=True) if e.tunable)
+    alone = shooting.fit([(tuple(tunable), values)], best.starts)[0]
+    if nominal.chi2 - alone.chi2 < HIDDEN_SHARE * (nominal.chi2 - best.chi2):
+        return others, tuple(tunable)
+    return list(best.effects), ()
+
+
+def _shares(
+    shooting: Shooting, selection: Selection, named: Sequence[Effect], explained: float
+) -> tuple[tuple[Effect, ...], tuple[float, ...]]:
+    """Order of the effects by what each adds to those before it, and the parts."""
+    best, nominal = selection.best, selection.nominal
+    total = max(nominal.chi2 - best.chi2, 1e-300)
+    values = dict(zip(best.effects, best.values, strict=True))
+    always = [e for e in best.effects if e not in named]
+    order: list[Effect] = []
+    level, shares = nominal.chi2, []
+    while len(order) < len(named):
+        left = [e for e in named if e not in order]
+        if len(left) == 1:
+            fits = [best]
+        else:
+            sets = [(tuple([*always, *order, e]), tuple(values[x] for x in [*always, *order, e])) for e in left]
+            fits = shooting.fit(sets, best.starts)
+        first = min(range(len(left)), key=lambda i: fits[i].chi2)
+        order.append(left[first])
+        shares.append(float(np.clip((level - fits[first].chi2) / total, 0.0, 1.0)) * explained)
+        level = min(level, fits[first].chi2)
+    return tuple(order), tuple(shares)
+
+
+def _probability(rivals: Sequence[tuple[Fit, float, float]], effect: Effect) -> float:
+    return float(min(sum(weight for fit, _, weight in rivals if effect.key in fit.keys), 1.0))
+
+
+def _ties(rivals: Sequence[tuple[Fit, float, float]], best: Fit, effect: Effect) -> tuple[tuple[str, str], ...]:
+    """What stands in place of an effect in sets that score almost as well."""
+    others = best.keys - {effect.key}
+    found = []
+    for fit, distance, _ in rivals[1:]:
+        swapped = fit.keys - others
+        if distance < TIE and others <= fit.keys and len(swapped) == 1 and effect.key not in fit.keys:
+            found.append(next(iter(swapped)))
+    return tuple(found)

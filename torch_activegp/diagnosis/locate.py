@@ -1,0 +1,155 @@
+"""Where the mismatch lives: joint, time, and region of position, velocity and control."""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Sequence
+from typing import Any
+
+import mujoco
+import numpy as np
+from scipy import stats
+
+from torch_activegp.diagnosis.fit import Fit
+from torch_activegp.diagnosis.linearize import Linearization, linearize
+from torch_activegp.diagnosis.runs import Array
+from torch_activegp.diagnosis.screening import _gain, _project
+from torch_activegp.diagnosis.shooting import Shooting
+
+BINS = 14
+_RATE = 0.05
+_ENERGY = 0.85
+_WHOLE = 0.75
+
+
+@dataclasses.dataclass(frozen=True)
+class Region:
+    """The residual force on one joint over one variable.
+
+    Args:
+        joint: which joint.
+        over: canonical name of the variable, for example ``qvel.elbow``.
+        edges: of the bins, ``(n + 1,)``.
+        force: residual force in each bin, N m or N, ``(n,)``.
+        spread: its standard deviation, ``(n,)``.
+        count: intervals in each bin, ``(n,)``.
+        gain: what a force in these bins would explain.
+        p_value: that it is noise.
+        adjusted: false-discovery-rate adjusted p-value.
+    """
+
+    joint: str
+    over: str
+    edges: Array
+    force: Array
+    spread: Array
+    count: Array
+    gain: float
+    p_value: float
+    adjusted: float = 1.0
+
+    @property
+    def interval(self) -> tuple[float, float] | None:
+        """The shortest run of bins with most of the force's energy; None where that is nearly the whole range."""
+        energy = np.maximum(self.force**2 - self.spread**2, 0.0) * self.count
+        total = energy.sum()
+        if total <= 0:
+            return None
+        n = len(energy)
+        cells = [(a, b) for a in range(n) for b in range(a + 1, n + 1) if energy[a:b].sum() >= _ENERGY * total]
+        a, b = min(cells, key=lambda cell: self.edges[cell[1]] - self.edges[cell[0]])
+        if self.edges[b] - self.edges[a] > _WHOLE * (self.edges[-1] - self.edges[0]):
+            return None
+        return float(self.edges[a]), float(self.edges[b])
+
+
+def locate(shooting: Shooting, fit: Fit) -> list[Region]:
+    """Residual forces in bins of every variable on every recorded joint, on top of a fit.
+
+    Reference: Benjamini, Hochberg, *Controlling the False Discovery Rate*, J. of the Royal Statistical Society B 57
+    (1995).
+    """
+    linear = linearize(shooting, fit)
+    variables = _variables(shooting, linear)
+    predicted, _ = shooting.engine.predict(shooting.segments, fit.starts[None], [fit.candidate])
+    residual = np.nan_to_num(shooting.residuals(predicted)[0])
+    starts = _white(shooting, linear.respond_to_start())
+    none = np.zeros((*starts.shape[:2], 0))
+    regions = []
+    for channel, joint in enumerate(shooting.engine.channels.joints):
+        for over, values in variables.items():
+            edges = _edges(values)
+            which = np.clip(np.digitize(values, edges[1:-1]), 0, len(edges) - 2)
+            indicators = np.eye(len(edges) - 1)[which]
+            columns = _white(shooting, linear.respond_to_force(channel, indicators))
+            normal, gradient = _project(starts, none, columns, residual)
+            gain, force = _gain(normal, gradient)
+            scale = np.sqrt(np.maximum(np.diag(normal), 1e-300))
+            inverse = np.linalg.pinv(normal / np.outer(scale, scale), rcond=1e-8) / np.outer(scale, scale)
+            spread = np.sqrt(np.maximum(np.diag(inverse), 0.0))
+            count = indicators.sum(axis=(0, 1))
+            p_value = float(stats.chi2.sf(gain, len(force)))
+            regions.append(Region(joint, over, edges, force, spread, count, gain, p_value))
+    adjusted = stats.false_discovery_control([max(r.p_value, 1e-300) for r in regions])
+    return [dataclasses.replace(r, adjusted=float(a)) for r, a in zip(regions, adjusted, strict=True)]
+
+
+def entries(regions: Sequence[Region], mismatch: float) -> list[dict[str, Any]]:
+    """The ``location`` of ``diagnosis.json``: the best variable of every joint where something is.
+
+    The share of a joint is what a force on it alone would explain.
+    """
+    out = []
+    for joint in dict.fromkeys(region.joint for region in regions):
+        own = [r for r in regions if r.joint == joint and r.adjusted < _RATE]
+        if not own:
+            continue
+        best = max(own, key=lambda r: r.gain - len(r.force))
+        local = [r for r in own if r.interval is not None and r.gain > 0.7 * best.gain]
+        chosen = max(local, key=lambda r: r.gain) if local else best
+        interval = chosen.interval or (float(chosen.edges[0]), float(chosen.edges[-1]))
+        share = float(np.clip((best.gain - len(best.force)) / max(mismatch, 1e-300), 0.0, 1.0))
+        region = {chosen.over: list(interval)}
+        out.append({"target": f"joint:{joint}", "share": share, "region": region, "q_value": chosen.adjusted})
+    return sorted(out, key=lambda entry: -float(entry["share"]))
+
+
+def _white(shooting: Shooting, block: Array) -> Array:
+    moved = shooting.noise.whiten(shooting.segments, np.moveaxis(block, -1, 0))
+    return np.nan_to_num(moved.transpose(1, 2, 0))
+
+
+def _variables(shooting: Shooting, linear: Linearization) -> dict[str, Array]:
+    """Position and velocity of each recorded joint and each control, in every interval, ``(S, K)``."""
+    engine = shooting.engine
+    out = {}
+    for kind, addresses in (("qpos", linear.positions), ("qvel", linear.velocities)):
+        for joint, address in zip(engine.channels.joints, addresses, strict=True):
+            along = np.nan_to_num(linear.states[..., address])
+            out[f"{kind}.{joint}"] = 0.5 * (along[:, 1:] + along[:, :-1])
+    control = shooting.segments.take("control")
+    for i in range(engine.model.nactuator):
+        first = int(engine.model.actuator_ctrladr[i])
+        if np.ptp(control[..., first]) > 0:
+            out[f"ctrl.{engine.model.actuator(i).name or f'actuator{i}'}"] = control[..., first]
+    return out
+
+
+def _edges(values: Array) -> Array:
+    """Bins of equal width over the middle 99 %, wider where fewer than 1 in 200 samples are."""
+    low, high = np.quantile(values, [0.005, 0.995])
+    if not high > low:
+        low, high = float(values.min()) - 1e-9, float(values.max()) + 1e-9
+    edges = [float(low)]
+    for edge in np.linspace(low, high, BINS + 1)[1:-1]:
+        inside = ((values >= edges[-1]) & (values < edge)).mean()
+        if inside > 0.005:
+            edges.append(float(edge))
+    return np.array([*edges, float(high)])
+
+
+def actuated_joint(model: mujoco.MjModel, actuator: int) -> str | None:
+    """The joint that an actuator drives, or None."""
+    if model.actuator_trntype[actuator] != int(mujoco.mjtTrn.mjTRN_JOINT):
+        return None
+    return str(model.joint(int(model.actuator_trnid[actuator, 0])).name)

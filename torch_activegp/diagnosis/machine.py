@@ -1,0 +1,98 @@
+"""What a diagnosis starts from: the nominal model, the runs to fit, the runs that are set aside."""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Sequence
+
+import mujoco
+import numpy as np
+
+from torch_activegp.data import Recording
+from torch_activegp.diagnosis.runs import Channels, Run, input_addresses, make_run
+from torch_activegp.errors import DataError
+
+_SHARE = 0.2
+_MOVES = 1e-9
+
+
+@dataclasses.dataclass(frozen=True)
+class Machine:
+    """A model with recordings laid over it.
+
+    Args:
+        model: compiled nominal model.
+        channels: the recorded joints.
+        fit: runs for fitting and selection.
+        holdout: runs that are only forecast.
+        notes: what was decided about the recordings.
+    """
+
+    model: mujoco.MjModel
+    channels: Channels
+    fit: tuple[Run, ...]
+    holdout: tuple[Run, ...]
+    notes: tuple[str, ...]
+
+
+def make_machine(model: mujoco.MjModel, recordings: Sequence[Recording], holdout: Sequence[Recording]) -> Machine:
+    """Lays recordings over a model and sets runs aside where none is given for that.
+
+    Args:
+        model: compiled nominal model.
+        recordings: runs for fitting and selection.
+        holdout: runs that are only forecast; without any, the last fifth of the runs is set aside, or of the longest
+            run where there are fewer than 3.
+
+    Raises:
+        DataError: there is no recording, or one does not fit the model, is too short, or does not move.
+    """
+    if not recordings:
+        raise DataError("no recording to fit. Give at least one run of the machine.")
+    channels = Channels.of(model, [*recordings, *holdout])
+    notes: list[str] = []
+    inputs = input_addresses(model)
+    for recording in [*recordings, *holdout]:
+        notes += [f"{recording.label}: {note}" for note in recording.notes]
+        missing = [f"ctrl.{name}" for name in inputs if name not in recording.actuators]
+        if missing:
+            notes.append(f"{recording.label}: no {', '.join(missing)}; taken as 0.")
+    fit = [make_run(recording, model, channels) for recording in recordings]
+    kept = [make_run(recording, model, channels) for recording in holdout]
+    _refuse_constant(fit, channels)
+    if not kept:
+        fit, kept, note = _set_aside(fit)
+        notes.append(note)
+    return Machine(model, channels, tuple(fit), tuple(kept), tuple(dict.fromkeys(notes)))
+
+
+def _refuse_constant(runs: Sequence[Run], channels: Channels) -> None:
+    for c, joint in enumerate(channels.joints):
+        if all(np.ptp(run.position[:, c]) <= _MOVES for run in runs):
+            raise DataError(
+                f"{runs[0].label}, column `qpos.{joint}`: the same value in every row of every run. A position that "
+                "moves is wanted; check the sensor, or leave the column out."
+            )
+    if all(np.ptp(run.smooth, axis=0).max() <= 4 * run.noise.max() for run in runs):
+        raise DataError(
+            f"{runs[0].label}: no excitation, every position stays within its noise. Record a motion of the machine."
+        )
+
+
+def _set_aside(runs: list[Run]) -> tuple[list[Run], list[Run], str]:
+    if len(runs) >= 3:
+        count = max(round(_SHARE * len(runs)), 1)
+        kept = runs[-count:]
+        return runs[:-count], kept, f"No --holdout: set aside {', '.join(run.label for run in kept)}."
+    longest = max(range(len(runs)), key=lambda i: len(runs[i]))
+    cut = int((1 - _SHARE) * len(runs[longest]))
+    head, tail = _part(runs[longest], 0, cut, "first part"), _part(runs[longest], cut, len(runs[longest]), "last part")
+    others = [run for i, run in enumerate(runs) if i != longest]
+    return [*others, head], [tail], f"No --holdout and few runs: set aside the last fifth of {runs[longest].label}."
+
+
+def _part(run: Run, start: int, stop: int, name: str) -> Run:
+    rows = {f: getattr(run, f)[start:stop] for f in ("position", "recorded", "velocity", "smooth")}
+    held = {f: getattr(run, f)[start : stop - 1] for f in ("control", "force")}
+    time = run.time[start:stop] - run.time[start]
+    return dataclasses.replace(run, label=f"{run.label} ({name})", time=time, **rows, **held)

@@ -1,0 +1,88 @@
+"""The noise of recorded positions from the recordings alone: level from differences, colour from the spectrum."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+from scipy import signal
+
+from torch_activegp.diagnosis.noise_model import NoiseModel, colour_family
+from torch_activegp.diagnosis.runs import Array, Run
+
+_WINDOW = 128
+_LOWEST = 0.125
+_MOTION = 20.0
+"""Machines move more slowly than this, Hz, and below an eighth of the sampling rate; above there is noise."""
+_NARROW = 0.3
+_COLOURED = 0.4
+_COMPLETE = 0.9
+_JITTER = 0.02
+
+
+def noise_floor(runs: Sequence[Run]) -> NoiseModel:
+    """Noise level and colour of every channel, without a model of the machine.
+
+    High differences measure white noise. A filter in the encoder makes noise whose differences are small though its
+    level is not; it shows in the spectrum above the machine's motion, which is flat for white noise. Recordings slower
+    than 67 Hz leave no such band: their noise counts as white.
+
+    Args:
+        runs: at least one.
+    """
+    scale = np.sqrt(np.mean([run.noise**2 for run in runs], axis=0)) + 1e-12
+    colour = np.zeros((len(scale), 2))
+    for channel in range(len(scale)):
+        found = _colour(runs, channel)
+        if found is not None:
+            colour[channel], scale[channel] = found
+    return NoiseModel(np.asarray(scale), colour)
+
+
+def _colour(runs: Sequence[Run], channel: int) -> tuple[tuple[float, float], float] | None:
+    """The poles whose spectrum is closest, and the noise's standard deviation; None for white noise."""
+    spectra = [s for run in runs if (s := _spectrum(run, channel)) is not None]
+    if not spectra:
+        return None
+    frequency = spectra[0][0]
+    power = np.median([p for _, p in spectra], axis=0)
+    lowest = max(_LOWEST, _MOTION * float(np.median(np.concatenate([run.dt for run in runs]))))
+    if lowest > _NARROW:
+        return None
+    third = (0.5 - lowest) / 3
+    high, lower, upper = frequency >= lowest, frequency < lowest + third, frequency >= 0.5 - third
+    lower &= high
+    rest = 1e-20 * max(float(np.abs(run.position[:, channel]).max()) for run in runs) ** 2
+    if power[high].min() <= rest or abs(np.log(power[lower].mean() / power[upper].mean())) < _COLOURED:
+        return None
+    misfits = {}
+    for poles in colour_family():
+        shape = _shape(poles, frequency[high])
+        offset = np.mean(np.log(power[high]) - np.log(shape))
+        misfits[poles] = (float(np.mean((np.log(power[high]) - np.log(shape) - offset) ** 2)), float(offset))
+    poles = min(misfits, key=lambda key: misfits[key][0])
+    if poles == (0.0, 0.0):
+        return None
+    level = NoiseModel(np.ones(1), np.array([poles])).innovation[0]
+    # a one-sided density at unit sampling rate: white noise of variance v has 2 v
+    return poles, float(np.sqrt(np.exp(misfits[poles][1]) / 2.0) / level)
+
+
+def _spectrum(run: Run, channel: int) -> tuple[Array, Array] | None:
+    if run.recorded.mean() < _COMPLETE or len(run) < 2 * _WINDOW:
+        return None
+    values = run.position[:, channel]
+    if np.ptp(run.dt) > _JITTER * np.median(run.dt):  # sampled at uneven times, a motion looks like noise: take it out
+        speed = run.velocity[:, channel]
+        values = values - np.concatenate([[0.0], np.cumsum(0.5 * (speed[1:] + speed[:-1]) * run.dt)])
+    frequency, power = signal.welch(
+        values, window="blackmanharris", nperseg=_WINDOW, detrend=signal.detrend, average="median"
+    )
+    inner = slice(4, -2)
+    return frequency[inner], power[inner]
+
+
+def _shape(poles: tuple[float, float], frequency: Array) -> Array:
+    """Spectrum of autoregressive noise with unit innovations."""
+    z = np.exp(-2j * np.pi * frequency)
+    return np.asarray(1.0 / np.abs(1.0 - poles[0] * z - poles[1] * z**2) ** 2)

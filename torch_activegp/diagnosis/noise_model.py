@@ -1,0 +1,61 @@
+"""The noise of recorded positions: a level and a colour for each channel, and the filter that makes it white."""
+
+from __future__ import annotations
+
+import dataclasses
+
+import numpy as np
+
+from torch_activegp.diagnosis.runs import Array
+from torch_activegp.diagnosis.segments import Segments
+
+
+@dataclasses.dataclass(frozen=True)
+class NoiseModel:
+    """Autoregressive noise.
+
+    Args:
+        scale: standard deviation of the noise itself, ``(C,)``, rad or m.
+        colour: coefficients of the last two values, ``(C, 2)``; zero for white noise.
+    """
+
+    scale: Array
+    colour: Array
+
+    @classmethod
+    def white(cls, scale: Array) -> NoiseModel:
+        """White noise of a standard deviation ``(C,)``."""
+        return cls(np.asarray(scale, dtype=float), np.zeros((len(scale), 2)))
+
+    @property
+    def innovation(self) -> Array:
+        """Standard deviation of what is new in each value, ``(C,)``."""
+        first, second = self.colour.T
+        ratio = (1 + second) * ((1 - second) ** 2 - first**2) / (1 - second)
+        return self.scale * np.sqrt(np.maximum(ratio, 1e-12))
+
+    def whiten(self, segments: Segments, residual: Array) -> Array:
+        """Residuals in units of white noise, zero where they do not count.
+
+        Args:
+            segments: S segments of K intervals.
+            residual: ``(..., S, K + 1, C)``, rad or m; linear, so columns of a Jacobian serve too.
+
+        Returns:
+            ``(..., S, (K + 1) * C)``.
+        """
+        out = residual / self.scale
+        if self.colour.any():
+            first, second = self.colour.T
+            fresh = self.scale / self.innovation
+            inner = out[..., 2:, :] - first * out[..., 1:-1, :] - second * out[..., :-2, :]
+            usable = (segments.counts[:, 2:] & segments.counts[:, 1:-1] & segments.counts[:, :-2])[..., None]
+            out = np.concatenate([out[..., :2, :], np.where(usable, inner * fresh, out[..., 2:, :])], axis=-2)
+        out = np.where(segments.counts[..., None], out, 0.0)
+        return out.reshape(*out.shape[:-2], out.shape[-2] * out.shape[-1])
+
+
+def colour_family() -> list[tuple[float, float]]:
+    """Colours that filters in encoders give: one pole, and two equal ones."""
+    poles = (0.2, 0.4, 0.55, 0.7, 0.8, 0.88, 0.94)
+    return [(0.0, 0.0), *((p, 0.0) for p in poles), *((2 * p, -p * p) for p in poles[1:])]

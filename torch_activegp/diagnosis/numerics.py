@@ -1,0 +1,121 @@
+"""Which integrator and time step: a difference of discretisation must not become an effect."""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Sequence
+
+import mujoco
+import numpy as np
+
+from torch_activegp.diagnosis.engine import Engine, substeps_for
+from torch_activegp.diagnosis.fit import Fit
+from torch_activegp.diagnosis.machine import Machine
+from torch_activegp.diagnosis.noise_model import NoiseModel
+from torch_activegp.diagnosis.runs import Array
+from torch_activegp.diagnosis.segments import Segments
+from torch_activegp.diagnosis.shooting import Shooting
+from torch_activegp.physics.effect import Effect
+
+_STEP = 0.005
+_CLOSE = 30.0
+_PRICE = 20.0
+_LIKE_A_TIME_STEP = frozenset({"actuator_delay", "actuator_lag", "sensor_delay"})
+
+
+_RUNGE_KUTTA = int(mujoco.mjtIntegrator.mjINT_RK4)
+
+
+def _stiff(model: mujoco.MjModel) -> bool:
+    """Whether bodies can touch: contacts want the small step that their model was given."""
+    return bool(((model.geom_contype[:, None] & model.geom_conaffinity[None]) != 0).any() and model.ngeom > 1)
+
+
+def _cheap(model: mujoco.MjModel) -> int:
+    """The model's integrator, or the implicit one in place of Runge-Kutta's four evaluations."""
+    runge_kutta = model.opt.integrator == _RUNGE_KUTTA
+    return int(mujoco.mjtIntegrator.mjINT_IMPLICITFAST) if runge_kutta else int(model.opt.integrator)
+
+
+Sets = Sequence[tuple[Sequence[Effect], Sequence[Array]]]
+
+
+def _without_delays(sets: Sets) -> list[tuple[tuple[Effect, ...], tuple[Array, ...]]]:
+    """The same sets without what a wrong time step looks like."""
+    out = []
+    for effects, values in sets:
+        kept = [(e, v) for e, v in zip(effects, values, strict=True) if e.name not in _LIKE_A_TIME_STEP]
+        if len(kept) < len(effects):
+            out.append((tuple(e for e, _ in kept), tuple(v for _, v in kept)))
+    return out
+
+
+@dataclasses.dataclass(frozen=True)
+class Numerics:
+    """One model in three forms.
+
+    A truth that is integrated more finely than the model looks as if its control came half a time step late. So the
+    model as it is competes with the model nearly continuous in time, before anything is named; and while sets are
+    compared, a coarse form stands for either, with its error taken out (:meth:`Shooting.corrected`).
+
+    Args:
+        given: the model's own integrator and time step.
+        fine: Runge-Kutta of fourth order.
+        coarse: the model's own integrator, few steps.
+    """
+
+    given: Engine
+    fine: Engine
+    coarse: Engine
+
+    @classmethod
+    def of(cls, machine: Machine, nthread: int = 0) -> Numerics:
+        """Makes the three for a machine."""
+        model, channels = machine.model, machine.channels
+        step = float(np.median(np.concatenate([run.dt for run in machine.fit])))
+        few = max(int(np.ceil(step / _STEP - 1e-6)), 1)
+        plain = substeps_for(model, machine.fit)
+        return cls(
+            Engine(model, channels, plain, nthread),
+            Engine(model, channels, max(few, plain) if _stiff(model) else few, nthread, _RUNGE_KUTTA),
+            Engine(model, channels, plain if _stiff(model) else min(few, plain), nthread, _cheap(model)),
+        )
+
+    def choose(
+        self, segments: Segments, noise: NoiseModel, starts: Array, sets: Sets = ()
+    ) -> tuple[Engine, Shooting, Fit, Fit]:
+        """Takes the form under which the first of some sets, or the nominal, fits better.
+
+        Returns:
+            The precise engine; the likelihood to compare sets with; the nominal's fit; the first set's.
+        """
+        for cheap in (self.coarse, self.fine, self.given):
+            first = Shooting(cheap, segments, noise)
+            rough = first.fit(sets[:1] or [((), ())], starts)[0]
+            if np.isfinite(rough.chi2):
+                break
+        trials = [*sets[:1], *_without_delays(sets[:1])]
+        results = []
+        for engine in (self.given, self.fine):
+            working, judged = self._working(engine, first, rough)
+            others = working.fit(trials[1:], judged.starts) if len(trials) > 1 else []
+            best = min([judged, *others], key=lambda fit: fit.chi2 + _PRICE * fit.size)
+            results.append((best.chi2 + _PRICE * best.size, engine, working, best))
+        _, engine, working, judged = min(results, key=lambda result: result[0])
+        nominal = working.fit([((), ())], judged.starts)[0] if sets else judged
+        return engine, working, nominal, judged
+
+    def _working(self, engine: Engine, first: Shooting, rough: Fit) -> tuple[Shooting, Fit]:
+        """The cheapest form that stays close to an engine, corrected by it."""
+        judged = rough
+        for cheap in (self.coarse, self.fine, engine):
+            working = dataclasses.replace(first, engine=cheap)
+            for _ in range(2):
+                working = working.corrected(engine, judged)
+                judged = working.fit([(judged.effects, judged.values)], judged.starts)[0]
+            if not np.isfinite(judged.chi2):
+                judged = rough
+                continue
+            if working.offset is None or np.abs(working.offset / first.noise.scale).max() < _CLOSE:
+                break
+        return working, judged

@@ -1,0 +1,68 @@
+"""Where effects can act on a machine, and how large things are there."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import mujoco
+import numpy as np
+
+from torch_activegp.diagnosis.runs import Array, Channels, Run
+from torch_activegp.physics import Effect, Place, catalogue
+
+
+def effects_for(model: mujoco.MjModel, channels: Channels, runs: Sequence[Run]) -> list[Effect]:
+    """All effects of the catalogue on this machine, sized by what the recordings show.
+
+    Args:
+        model: nominal model.
+        channels: recorded joints.
+        runs: recordings to size by.
+    """
+    joints = [_joint(model, channels, runs, c) for c in range(len(channels.joints))]
+    sensors = [
+        Place(p.target, c, p.position_unit, p.force_unit, p.position, p.speed, p.top_speed, p.force, dt=p.dt)
+        for c, p in enumerate(joints)
+    ]
+    return catalogue(model, joints, _actuators(model, runs), sensors)
+
+
+def _step(runs: Sequence[Run]) -> float:
+    return float(np.median(np.concatenate([run.dt for run in runs])))
+
+
+def _joint(model: mujoco.MjModel, channels: Channels, runs: Sequence[Run], c: int) -> Place:
+    velocity = np.concatenate([run.velocity[:, c] for run in runs])
+    position = np.concatenate([run.smooth[:, c] for run in runs])
+    acceleration = np.concatenate([np.gradient(run.velocity[:, c], run.time) for run in runs])
+    dof, hinge = int(channels.dof[c]), bool(channels.hinge[c])
+    inertia = 1.0 / max(float(model.dof_invweight0[dof]), 1e-12)
+    speed = max(float(np.sqrt((velocity**2).mean())), 1e-6)
+    return Place(
+        f"joint:{channels.joints[c]}",
+        dof,
+        "rad" if hinge else "m",
+        "N m" if hinge else "N",
+        (float(position.min()), float(position.max())),
+        speed,
+        max(float(np.quantile(np.abs(velocity), 0.99)), 1e-6),
+        max(
+            inertia * float(np.sqrt((np.clip(acceleration, *np.quantile(acceleration, [0.01, 0.99])) ** 2).mean())),
+            1e-9,
+        ),
+        dt=_step(runs),
+        qpos=int(channels.qpos[c]),
+        loss=float(model.dof_frictionloss[dof]),
+    )
+
+
+def _actuators(model: mujoco.MjModel, runs: Sequence[Run]) -> list[Place]:
+    control = np.concatenate([run.control for run in runs])
+    places = []
+    for i in range(model.nactuator):
+        first = int(model.actuator_ctrladr[i])
+        signal: Array = control[:, first]
+        if np.ptp(signal) > 0:
+            name = model.actuator(i).name or f"actuator{i}"
+            places.append(Place(f"actuator:{name}", first, control=float(np.abs(signal).max()), dt=_step(runs)))
+    return places

@@ -1,0 +1,203 @@
+"""Recordings laid over a model: which joint is which coordinate, on a clock that a simulation can follow."""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Sequence
+
+import mujoco
+import numpy as np
+import torch
+from numpy.typing import NDArray
+from scipy.ndimage import uniform_filter1d
+
+from torch_activegp.data import Recording, choose_window, noise_std, unwrap_angles
+from torch_activegp.data.local_polynomial import local_slope
+from torch_activegp.errors import DataError
+
+Array = NDArray[np.float64]
+_SCALAR = (int(mujoco.mjtJoint.mjJNT_HINGE), int(mujoco.mjtJoint.mjJNT_SLIDE))
+_MISSING = 1.5
+MIN_ROWS = 12
+
+
+@dataclasses.dataclass(frozen=True)
+class Channels:
+    """The recorded joints of a model.
+
+    Args:
+        joints: names, C of them.
+        qpos: addresses of their positions, ``(C,)``.
+        dof: addresses of their velocities, ``(C,)``.
+        hinge: whether each is a hinge, ``(C,)``.
+    """
+
+    joints: tuple[str, ...]
+    qpos: NDArray[np.int64]
+    dof: NDArray[np.int64]
+    hinge: NDArray[np.bool_]
+
+    @classmethod
+    def of(cls, model: mujoco.MjModel, recordings: Sequence[Recording]) -> Channels:
+        """Finds the joints that every recording holds.
+
+        Raises:
+            DataError: a recorded joint or actuator is not in the model, or no joint is in all recordings.
+        """
+        names = {model.joint(i).name or f"joint{i}": i for i in range(model.njnt)}
+        actuators = input_addresses(model)
+        for recording in recordings:
+            for joint in recording.joints:
+                if joint not in names:
+                    raise DataError(
+                        f"{recording.label}, column `qpos.{joint}`: the model has no joint `{joint}`; its joints are "
+                        f"{', '.join(names) or 'none'}. Rename the column, or map it (--columns MAP.toml)."
+                    )
+                if int(model.jnt_type[names[joint]]) not in _SCALAR:
+                    raise DataError(
+                        f"{recording.label}, column `qpos.{joint}`: a hinge or a slide wanted, found a free or ball "
+                        "joint. Model it as hinges and slides, one column each."
+                    )
+            for actuator in recording.actuators:
+                if actuator not in actuators:
+                    raise DataError(
+                        f"{recording.label}, column `ctrl.{actuator}`: the model has no actuator `{actuator}`; its "
+                        f"actuators are {', '.join(sorted(actuators)) or 'none'}. Rename the column, or map it."
+                    )
+        common = [name for name in names if all(f"qpos.{name}" in recording for recording in recordings)]
+        if not common:
+            raise DataError("no joint has a position in all recordings. Give recordings of the same joints.")
+        ids = [names[name] for name in common]
+        return cls(
+            tuple(common),
+            model.jnt_qposadr[ids].astype(np.int64),
+            model.jnt_dofadr[ids].astype(np.int64),
+            model.jnt_type[ids] == int(mujoco.mjtJoint.mjJNT_HINGE),
+        )
+
+    @property
+    def units(self) -> list[str]:
+        """``rad`` or ``m`` for each."""
+        return ["rad" if hinge else "m" for hinge in self.hinge]
+
+
+@dataclasses.dataclass(frozen=True)
+class Run:
+    """One recording on the clock of the simulation: K intervals between K + 1 rows.
+
+    Args:
+        label: name for people.
+        time: ``(K + 1,)``, s.
+        position: recorded positions ``(K + 1, C)``; interpolated where no row was recorded.
+        recorded: whether a row was recorded, ``(K + 1,)``.
+        velocity: slopes of local polynomials, ``(K + 1, C)``, rad/s or m/s.
+        smooth: positions freed of noise along these slopes, ``(K + 1, C)``.
+        control: held from each row to the next, ``(K, nu)``.
+        force: known external generalised force, ``(K, nv)``.
+        noise: white-noise floor of each channel from differences, ``(C,)``.
+    """
+
+    label: str
+    time: Array
+    position: Array
+    recorded: NDArray[np.bool_]
+    velocity: Array
+    smooth: Array
+    control: Array
+    force: Array
+    noise: Array
+
+    @property
+    def dt(self) -> Array:
+        """Length of each interval ``(K,)``, s."""
+        return np.diff(self.time)
+
+    def __len__(self) -> int:
+        return len(self.time)
+
+
+def make_run(recording: Recording, model: mujoco.MjModel, channels: Channels) -> Run:
+    """Lays a recording over a model.
+
+    A dropped row (a step of more than 1.5 median steps) is filled with rows that hold the control and count for
+    nothing.
+
+    Raises:
+        DataError: too short, or an external force on a joint that the model does not have.
+    """
+    if len(recording) < MIN_ROWS:
+        raise DataError(f"{recording.label}: too short, {len(recording)} rows found, {MIN_ROWS} wanted. Record longer.")
+    columns = [f"qpos.{joint}" for joint in channels.joints]
+    turning = [joint for joint, hinge in zip(channels.joints, channels.hinge, strict=True) if hinge]
+    recording = unwrap_angles(recording, turning) if turning else recording
+    time = recording.time.numpy()
+    position = np.stack([recording[column].numpy() for column in columns], axis=1)
+    inputs = input_addresses(model)
+    control = np.zeros((len(time), model.nu))
+    for name in recording.actuators:
+        control[:, inputs[name]] = recording[f"ctrl.{name}"].numpy()
+    force = np.zeros((len(time), model.nv))
+    for column in recording.columns:
+        if column.startswith("qfrc."):
+            force[:, _dof(model, recording.label, column)] = recording[column].numpy()
+    noise = np.array([noise_std(torch.from_numpy(signal.copy()), recording.time) for signal in position.T])
+    slopes, smooth = zip(
+        *(_smooth(time, signal, sigma) for signal, sigma in zip(position.T, noise, strict=True)), strict=True
+    )
+    index, clock = _filled(time)
+    held = np.minimum(np.searchsorted(time, clock + 1e-12, side="right") - 1, len(time) - 1)
+    return Run(
+        label=recording.label,
+        time=clock - clock[0],
+        position=_interpolate(clock, time, position),
+        recorded=index,
+        velocity=_interpolate(clock, time, np.stack(slopes, axis=1)),
+        smooth=_interpolate(clock, time, np.stack(smooth, axis=1)),
+        control=control[held[:-1]],
+        force=force[held[:-1]],
+        noise=noise,
+    )
+
+
+def input_addresses(model: mujoco.MjModel) -> dict[str, int]:
+    """The first control of every actuator that has one."""
+    fed = np.flatnonzero(model.actuator_ctrlnum > 0)
+    return {model.actuator(i).name or f"actuator{i}": int(model.actuator_ctrladr[i]) for i in fed}
+
+
+def _dof(model: mujoco.MjModel, label: str, column: str) -> int:
+    """The degree of freedom that a column of external forces acts on."""
+    names = [model.joint(i).name or f"joint{i}" for i in range(model.njnt)]
+    name = column.partition(".")[2]
+    if name not in names or int(model.jnt_type[names.index(name)]) not in _SCALAR:
+        raise DataError(
+            f"{label}, column `{column}`: a hinge or a slide of the model wanted; its joints are "
+            f"{', '.join(names) or 'none'}. Rename the column, or map it (--columns MAP.toml)."
+        )
+    return int(model.jnt_dofadr[names.index(name)])
+
+
+def _smooth(time: Array, signal: Array, sigma: float) -> tuple[Array, Array]:
+    """Slope and value of a signal, freed of noise by local polynomials."""
+    t, y = torch.from_numpy(time.copy()), torch.from_numpy(signal.copy())
+    window = choose_window(t, y, sigma) if len(time) >= 15 else 5
+    slope = local_slope(t, y, window).numpy()
+    # the value at the centre from the slope: shift every neighbour along the slope and average
+    half = max(window // 4, 1)
+    trend = np.concatenate([[0.0], np.cumsum(0.5 * (slope[1:] + slope[:-1]) * np.diff(time))])
+    return slope, trend + uniform_filter1d(signal - trend, 2 * half + 1, mode="nearest")
+
+
+def _filled(time: Array) -> tuple[NDArray[np.bool_], Array]:
+    steps = np.diff(time)
+    count = np.maximum(np.rint(steps / np.median(steps)), 1).astype(int)
+    count[steps <= _MISSING * np.median(steps)] = 1
+    clock, recorded = [time[:1]], [True]
+    for start, step, n in zip(time[:-1], steps, count, strict=True):
+        clock.append(start + step * np.arange(1, n + 1) / n)
+        recorded += [False] * (n - 1) + [True]
+    return np.array(recorded), np.concatenate(clock)
+
+
+def _interpolate(clock: Array, time: Array, values: Array) -> Array:
+    return np.stack([np.interp(clock, time, column) for column in values.T], axis=1)

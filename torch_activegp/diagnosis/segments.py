@@ -1,0 +1,110 @@
+"""Runs cut into segments of equal length, each with its own initial state."""
+
+from __future__ import annotations
+
+import dataclasses
+import itertools
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from torch_activegp.diagnosis.runs import Array, Run
+
+
+@dataclasses.dataclass(frozen=True)
+class Segments:
+    """S segments of K intervals side by side.
+
+    Args:
+        runs: the runs that they are cut from.
+        run: which run, ``(S,)``.
+        first: the row at which each simulation starts, ``(S,)``.
+        position: recorded positions ``(S, K + 1, C)``.
+        counts: whether a recorded position enters the likelihood, ``(S, K + 1)``: not before the first scored row, not
+            where no row was recorded, not past the end of a run.
+        dt: ``(S, K)``, s.
+    """
+
+    runs: tuple[Run, ...]
+    run: NDArray[np.int64]
+    first: NDArray[np.int64]
+    position: Array
+    counts: NDArray[np.bool_]
+    dt: Array
+
+    @property
+    def size(self) -> int:
+        """Number of segments S."""
+        return len(self.run)
+
+    @property
+    def intervals(self) -> int:
+        """Number of intervals K."""
+        return self.dt.shape[1]
+
+    def take(self, name: str) -> Array:
+        """A column of the runs in every segment.
+
+        Args:
+            name: ``position``, ``smooth`` or ``velocity``, which give ``(S, K + 1, C)``; ``control``, which gives
+                ``(S, K, nu)``; or ``force``, ``(S, K, nv)``.
+        """
+        columns = [getattr(run, name) for run in self.runs]
+        length = max(map(len, columns))
+        padded = np.stack([np.pad(c, ((0, length - len(c)), (0, 0)), mode="edge") for c in columns])
+        rows = self.intervals + (1 if name in ("position", "smooth", "velocity") else 0)
+        last = np.array([len(c) - 1 for c in columns])[self.run]
+        index = np.minimum(self.first[:, None] + np.arange(rows), last[:, None])
+        return padded[self.run[:, None], index]
+
+    def pick(self, which: NDArray[np.int64]) -> Segments:
+        """Some of the segments."""
+        names = ("run", "first", "position", "counts", "dt")
+        return dataclasses.replace(self, **{name: getattr(self, name)[which] for name in names})
+
+    def centers(self) -> Array:
+        """The time at the middle of each segment, ``(S,)``, s."""
+        return np.array([self.runs[r].time[f] for r, f in zip(self.run, self.first, strict=True)]) + self.dt.sum(1) / 2
+
+
+def cut(runs: Sequence[Run], seconds: float, pad: float) -> Segments:
+    """Cuts runs into segments of about equal length.
+
+    Args:
+        runs: the runs.
+        seconds: length of the scored part of a segment; each run is divided evenly.
+        pad: how long each simulation runs before its scored part, s, so that a sensor's delay has a past and the
+            unknown past of a control fades. The first ``pad`` of each run is simulated and not scored.
+    """
+    pieces: list[tuple[int, int, int, int]] = []
+    for number, run in enumerate(runs):
+        rows = len(run) - 1
+        step = float(np.median(run.dt))
+        before = min(int(np.ceil(pad / step)), rows // 6)
+        scored = rows - before
+        count = min(max(round(scored * step / seconds), 1), scored)
+        edges = np.linspace(before, rows, count + 1).round().astype(int)
+        pieces += [(number, a - before, a, b) for a, b in itertools.pairwise(edges.tolist())]
+    length = max(b - start for _, start, _, b in pieces)
+    channels = runs[0].position.shape[1]
+    position = np.zeros((len(pieces), length + 1, channels))
+    counts = np.zeros((len(pieces), length + 1), dtype=bool)
+    dt = np.zeros((len(pieces), length))
+    for s, (number, start, a, b) in enumerate(pieces):
+        run = runs[number]
+        position[s, : b + 1 - start] = run.position[start : b + 1]
+        position[s, b + 1 - start :] = run.position[b]
+        # the last row of a segment is the first of the next one; it counts once
+        last = b + 1 if b == len(run) - 1 else b
+        counts[s, a - start : last - start] = run.recorded[a:last]
+        dt[s, : b - start] = run.dt[start:b]
+        dt[s, b - start :] = run.dt[b - 1]
+    return Segments(
+        tuple(runs),
+        np.array([p[0] for p in pieces]),
+        np.array([p[1] for p in pieces]),
+        position,
+        counts,
+        dt,
+    )

@@ -1,0 +1,253 @@
+"""Chooses the set of effects: forward with a beam, refitted, and backward, by an extended BIC."""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+from collections.abc import Callable, Iterable, Sequence
+
+import numpy as np
+
+from torch_activegp.diagnosis.fit import Fit
+from torch_activegp.diagnosis.runs import Array
+from torch_activegp.diagnosis.screening import Atom, Screen, screen
+from torch_activegp.diagnosis.shooting import Shooting
+from torch_activegp.physics.effect import Effect
+
+BEAM = 2
+PROPOSALS = 6
+RIVALS = 4
+SWAPS = 2
+HOPELESS = 0.5
+MAX_EFFECTS = 4
+MATERIAL = 0.006
+"""An effect that explains less of the mismatch than this is not named: simulators differ by that much."""
+
+
+@dataclasses.dataclass(frozen=True)
+class Score:
+    """Compares sets: chi2 in units of the noise that is left, and a price for every parameter and every name.
+
+    Args:
+        samples: number of recorded positions.
+        names: number of (name, target) pairs that were tried.
+        scale: variance of the noise in units of the noise model.
+        mismatch: what there is to explain: the nominal's chi2 above the noise.
+
+    Reference: Chen, Chen, *Extended Bayesian Information Criteria for Model Selection with Large Model Spaces*,
+    Biometrika 95 (2008).
+    """
+
+    samples: int
+    names: int
+    scale: float
+    mismatch: float = 0.0
+
+    def __call__(self, fit: Fit) -> float:
+        """Extended BIC; smaller is better."""
+        return fit.chi2 / self.scale + self.price(fit.effects)
+
+    def price(self, effects: Sequence[Effect]) -> float:
+        """What a set must gain to be worth it."""
+        parameters = sum(len(effect.parameters) for effect in effects)
+        least = 0.5 * MATERIAL * self.mismatch / self.scale
+        a_parameter, a_name = math.log(self.samples), 2.0 * math.log(max(self.names, 2))
+        return parameters * max(a_parameter, least) + len(effects) * max(a_name, least)
+
+
+@dataclasses.dataclass
+class Selection:
+    """The sets that were fitted.
+
+    Args:
+        nominal: the fit without effects.
+        fits: all fits by their effects.
+        score: how they compare.
+    """
+
+    nominal: Fit
+    fits: list[Fit]
+    score: Score
+
+    @property
+    def best(self) -> Fit:
+        """The set with the best score."""
+        return min(self.fits, key=self.score)
+
+    def ranked(self) -> list[Fit]:
+        """Best first, one fit for each set of names and targets."""
+        seen: dict[frozenset[tuple[str, str]], Fit] = {}
+        for fit in sorted(self.fits, key=self.score):
+            seen.setdefault(fit.keys, fit)
+        return list(seen.values())
+
+
+def select(
+    shooting: Shooting,
+    effects: Sequence[Effect],
+    nominal: Fit,
+    sets: Sequence[tuple[Sequence[Effect], Sequence[Array]]] = (),
+    starts: Array | None = None,
+    tell: Callable[[str], None] = lambda _: None,
+) -> Selection:
+    """Chooses effects that explain the residuals.
+
+    Args:
+        shooting: the likelihood.
+        effects: what is tried.
+        nominal: the fit without effects.
+        sets: to begin from besides the nominal, with first guesses.
+        starts: initial states for them.
+        tell: hears what is being done.
+    """
+    names = len({effect.key for effect in effects})
+    selection = Selection(nominal, [nominal], Score(shooting.samples, names, 1.0))
+    if sets:
+        states = nominal.starts if starts is None else starts
+        selection.fits += [f for f in shooting.fit(sets, states) if np.isfinite(f.chi2)]
+        _rescale(selection, shooting)
+    expanded: set[frozenset[Effect]] = set()
+    swapped: frozenset[Effect] = frozenset()
+    swaps = 0
+    for _ in range(2 * MAX_EFFECTS):
+        beam = [f for f in sorted(selection.fits, key=selection.score) if frozenset(f.effects) not in expanded]
+        beam = [f for f in beam[:BEAM] if selection.score(f) <= selection.score(selection.best) + _SLACK]
+        if not beam:
+            if frozenset(selection.best.effects) == swapped or swaps == SWAPS or _hopeless(selection, shooting, 1):
+                break
+            swaps += 1
+            swapped = frozenset(selection.best.effects)
+            tell("testing what could stand in place of each effect")
+            _swap(selection, shooting, effects)
+            continue
+        for fit in beam:
+            expanded.add(frozenset(fit.effects))
+            if len(fit.effects) < MAX_EFFECTS and not _hopeless(selection, shooting, 2):
+                tell(f"testing what comes on top of {len(fit.effects)} effects")
+                _expand(selection, shooting, effects, fit)
+        _simplify(selection, shooting, effects)
+        _rescale(selection, shooting)
+    return selection
+
+
+_SLACK = 8.0
+
+
+def _expand(selection: Selection, shooting: Shooting, effects: Sequence[Effect], fit: Fit) -> None:
+    """Fits the most promising sets that contain a fit and something more."""
+    proposed = _proposals(selection, fit, screen(shooting, fit, _allowed(effects, fit)))
+    known = {frozenset(f.effects) for f in selection.fits}
+    fresh = [p for p in proposed if frozenset(p[0]) not in known]
+    if fresh:
+        fits = shooting.fit(fresh, fit.starts, race=True)
+        selection.fits += [f for f in fits if np.isfinite(f.chi2)]
+        _rescale(selection, shooting)
+
+
+def _hopeless(selection: Selection, shooting: Shooting, least: int) -> bool:
+    """Whether some effects together leave most of a large mismatch: what is missing is not on the list."""
+    best, nominal = selection.best, selection.nominal
+    there = nominal.chi2 - shooting.dof
+    left = best.chi2 - shooting.dof
+    return len(best.effects) >= least and there > 0.2 * shooting.dof and left > HOPELESS * there
+
+
+def _rescale(selection: Selection, shooting: Shooting) -> None:
+    """The noise is what the best fit leaves, and never less than the noise model says."""
+    left = min(fit.chi2 / max(shooting.dof - fit.size, 1) for fit in selection.fits)
+    scale = max(left, 1.0)
+    mismatch = max(selection.nominal.chi2 - scale * shooting.dof, 0.0)
+    selection.score = dataclasses.replace(selection.score, scale=scale, mismatch=mismatch)
+
+
+def _allowed(effects: Sequence[Effect], fit: Fit) -> list[Effect]:
+    taken = fit.keys
+    covered = {(name, e.target) for e in fit.effects for name in e.covers}
+    return [e for e in effects if e.key not in taken and e.key not in covered]
+
+
+def _proposals(selection: Selection, fit: Fit, screened: Screen) -> list[tuple[tuple[Effect, ...], tuple[Array, ...]]]:
+    """The most promising sets that contain one more effect, or two where only a pair helps."""
+    price = selection.score.price
+    scale = selection.score.scale
+    best = screened.best()
+    worth = [(a.gain / scale - price([a.effect]), (a,)) for a in best[: 4 * PROPOSALS]]
+    worth = [w for w in worth if w[0] > 0.0]
+    chosen = _diverse(sorted(worth, key=lambda w: -w[0]))
+    leaders = best[:12]
+    pairs = [
+        (screened.joint_gain(pair) / scale - price([a.effect for a in pair]), pair)
+        for i, first in enumerate(leaders)
+        for second in leaders[i + 1 :]
+        if first.effect.key != second.effect.key
+        for pair in [(first, second)]
+    ]
+    pairs = sorted((p for p in pairs if p[0] > 0.0), key=lambda p: -p[0])
+    single = chosen[0][0] if chosen else 0.0
+    if pairs and pairs[0][0] > single + 20.0 and len(fit.effects) + 2 <= MAX_EFFECTS:
+        chosen += pairs[:2]
+    return [_join(fit, atoms) for _, atoms in chosen]
+
+
+def _diverse(worth: list[tuple[float, tuple[Atom, ...]]]) -> list[tuple[float, tuple[Atom, ...]]]:
+    """The best few: no more than two of one name and target."""
+    count: dict[tuple[str, str], int] = {}
+    chosen = []
+    for value, atoms in worth:
+        key = atoms[0].effect.key
+        count[key] = count.get(key, 0) + 1
+        if count[key] <= 2:
+            chosen.append((value, atoms))
+        if len(chosen) == PROPOSALS:
+            break
+    return chosen
+
+
+def _join(fit: Fit, atoms: Iterable[Atom]) -> tuple[tuple[Effect, ...], tuple[Array, ...]]:
+    """The fit's effects without those that the new ones contain, and the new ones."""
+    atoms = list(atoms)
+    covered = {(name, a.effect.target) for a in atoms for name in a.effect.covers}
+    kept = [(e, v) for e, v in zip(fit.effects, fit.values, strict=True) if e.key not in covered]
+    return (
+        (*[e for e, _ in kept], *[a.effect for a in atoms]),
+        (*[v for _, v in kept], *[a.values for a in atoms]),
+    )
+
+
+def _simplify(selection: Selection, shooting: Shooting, effects: Sequence[Effect]) -> None:
+    """Tries the best set without each of its effects, and with a simpler law in place of one that contains it."""
+    best = selection.best
+    known = {frozenset(f.effects) for f in selection.fits}
+    trials = []
+    for k, (effect, value) in enumerate(zip(best.effects, best.values, strict=True)):
+        others = [(e, v) for i, (e, v) in enumerate(zip(best.effects, best.values, strict=True)) if i != k]
+        if others:
+            trials.append(others)
+        for simpler in effects:
+            if simpler.target == effect.target and simpler.name in effect.covers and simpler.linear == 1:
+                trials.append([*others, (simpler, np.array([value[: effect.linear].mean()]))])
+    fresh = [t for t in trials if frozenset(e for e, _ in t) not in known]
+    sets = [(tuple(e for e, _ in t), tuple(v for _, v in t)) for t in fresh]
+    if sets:
+        selection.fits += [f for f in shooting.fit(sets, best.starts, rounds=4) if np.isfinite(f.chi2)]
+
+
+def _swap(selection: Selection, shooting: Shooting, effects: Sequence[Effect]) -> None:
+    """Tries other effects in place of each effect of the best set: rivals, and the way out of a false start."""
+    best = selection.best
+    by_effects = {frozenset(f.effects): f for f in selection.fits}
+    for k, effect in enumerate(best.effects):
+        others = tuple(e for i, e in enumerate(best.effects) if i != k)
+        smaller = by_effects.get(frozenset(others))
+        if smaller is None:
+            values = tuple(v for i, v in enumerate(best.values) if i != k)
+            smaller = shooting.fit([(others, values)], best.starts)[0]
+            selection.fits.append(smaller)
+        screened = screen(shooting, smaller, _allowed(effects, smaller))
+        atoms = [a for a in screened.best() if a.effect is not effect]
+        proposals = [_join(smaller, atoms) for _, atoms in _diverse([(a.gain, (a,)) for a in atoms])]
+        fresh = [p for p in proposals[:RIVALS] if frozenset(p[0]) not in by_effects]
+        if fresh:
+            fits = shooting.fit(fresh, best.starts, race=True)
+            selection.fits += [f for f in fits if np.isfinite(f.chi2)]
+    _rescale(selection, shooting)

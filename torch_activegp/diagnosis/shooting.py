@@ -1,0 +1,115 @@
+"""Multiple shooting: every segment has a free initial state, eliminated by projection; Gauss-Newton for the rest."""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from torch_activegp.diagnosis.engine import Engine
+from torch_activegp.diagnosis.fit import Fit
+from torch_activegp.diagnosis.gauss_newton import Problem, give_up
+from torch_activegp.diagnosis.noise_model import NoiseModel
+from torch_activegp.diagnosis.runs import Array
+from torch_activegp.diagnosis.segments import Segments
+from torch_activegp.physics.effect import Effect
+
+
+@dataclasses.dataclass(frozen=True)
+class Shooting:
+    """The likelihood of positions.
+
+    Args:
+        engine: simulates.
+        segments: S segments.
+        noise: whitens.
+        offset: what is added to its positions, ``(S, K + 1, C)``; see :meth:`corrected`.
+    """
+
+    engine: Engine
+    segments: Segments
+    noise: NoiseModel
+    offset: Array | None = None
+
+    @property
+    def samples(self) -> int:
+        """Number of recorded positions that count."""
+        return int(self.segments.counts.sum()) * self.segments.position.shape[-1]
+
+    @property
+    def dof(self) -> int:
+        """Samples less the free initial states."""
+        return max(self.samples - self.segments.size * 2 * len(self.engine.channels.joints), 1)
+
+    def residuals(self, predicted: Array) -> Array:
+        """Whitened residuals ``(..., S, M)`` of predicted positions ``(..., S, K + 1, C)``."""
+        measured = self.segments.position if self.offset is None else self.segments.position - self.offset
+        return self.noise.whiten(self.segments, measured - predicted)
+
+    def corrected(self, precise: Engine, fit: Fit) -> Shooting:
+        """The same with the error of a coarse engine taken out, as it is at a fit.
+
+        The error hardly depends on the parameters, so one precise simulation serves for many coarse ones.
+        """
+        if precise is self.engine:
+            return dataclasses.replace(self, offset=None)
+        states, candidates = fit.starts[None], [fit.candidate]
+        exact, _ = precise.predict(self.segments, states, candidates)
+        coarse, _ = self.engine.predict(self.segments, states, candidates)
+        return dataclasses.replace(self, offset=np.nan_to_num(exact[0] - coarse[0]))
+
+    def state_columns(self, starts: Array) -> Array:
+        """Perturbations of the initial states worth trying: step sizes ``(nq + nv,)``."""
+        model, channels = self.engine.model, self.engine.channels
+        size = np.full(self.engine.state_size, 1e-3)
+        for c, (q, v) in enumerate(zip(channels.qpos, channels.dof, strict=True)):
+            size[q] = max(0.5 * self.noise.scale[c], 1e-6)
+            size[model.nq + v] = max(5.0 * self.noise.scale[c], 1e-5)
+        return size
+
+    def subset(self, share: float) -> tuple[Shooting, NDArray[np.int64]]:
+        """The same likelihood over a share of the segments, spread evenly; and which."""
+        count = max(int(np.ceil(share * self.segments.size)), min(6, self.segments.size))
+        which = np.unique(np.linspace(0, self.segments.size - 1, count).round().astype(np.int64))
+        offset = None if self.offset is None else self.offset[which]
+        return dataclasses.replace(self, segments=self.segments.pick(which), offset=offset), which
+
+    def fit(
+        self,
+        sets: Sequence[tuple[Sequence[Effect], Sequence[Array]]],
+        starts: Array,
+        rounds: int = 14,
+        race: bool = False,
+        hold: bool = False,
+    ) -> list[Fit]:
+        """Fits several sets of effects side by side.
+
+        Args:
+            sets: effects and first guesses of their parameters.
+            starts: first guess of the initial states, ``(S, nq + nv)`` or one for each set.
+            rounds: simulations at most, one after the other.
+            hold: keep the parameters as they are and fit the initial states alone.
+            race: give up on sets that stay far behind the best after two steps.
+        """
+        problems = [
+            Problem(self, tuple(e), tuple(v), starts if starts.ndim == 2 else starts[i], hold)
+            for i, (e, v) in enumerate(sets)
+        ]
+        for number in range(rounds + 1):
+            live = [p for p in problems if not p.finished]
+            if not live:
+                break
+            asked = [p.ask() for p in live]
+            candidates = [c for cs, _ in asked for c in cs]
+            states = np.concatenate([s for _, s in asked])
+            predicted, _ = self.engine.predict(self.segments, states, candidates)
+            white = self.residuals(predicted)
+            at = 0
+            for problem, (cs, _) in zip(live, asked, strict=True):
+                problem.tell(white[at : at + len(cs)], last=number == rounds)
+                at += len(cs)
+            if race and number >= 2:
+                give_up(problems)
+        return [p.result() for p in problems]

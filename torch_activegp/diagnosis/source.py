@@ -1,0 +1,89 @@
+"""The nominal model, from whatever a user has."""
+
+from __future__ import annotations
+
+import dataclasses
+import tempfile
+from pathlib import Path
+
+import mujoco
+import numpy as np
+
+from torch_activegp.errors import ConfigurationError
+from torch_activegp.simulators import MujocoSimulator, Simulator
+from torch_activegp.simulators.mujoco_model import load_model
+
+
+@dataclasses.dataclass(frozen=True)
+class Source:
+    """A nominal model.
+
+    Args:
+        model: compiled.
+        spec: to edit.
+        name: for people.
+        path: of its file, or what else it was.
+        frame_skip: time steps for each action, where it came as a simulator.
+    """
+
+    model: mujoco.MjModel
+    spec: mujoco.MjSpec
+    name: str
+    path: str
+    frame_skip: int = 1
+
+
+def read_source(model: object) -> Source:
+    """Reads a model.
+
+    Args:
+        model: path of an MJCF file, MJCF text, an ``MjSpec``, an ``MjModel`` or a `MujocoSimulator`.
+
+    Raises:
+        ConfigurationError: no such file, it does not compile, or it is something else.
+    """
+    if isinstance(model, MujocoSimulator):
+        return dataclasses.replace(read_source(model.model), frame_skip=model.frame_skip)
+    if isinstance(model, Simulator):
+        raise ConfigurationError(
+            f"diagnose: a model in MJCF wanted, found a {type(model).__name__}. Effects act on the joints and "
+            "actuators of a MuJoCo model: write the machine as MJCF, or learn what is missing (`torch-activegp learn`)."
+        )
+    if isinstance(model, mujoco.MjModel):
+        return Source(load_model(model), _decompiled(model), "MjModel", "an MjModel")
+    if isinstance(model, mujoco.MjSpec):
+        return Source(load_model(model), model.copy(), model.modelname or "MjSpec", "an MjSpec")
+    if not isinstance(model, str | Path):
+        raise ConfigurationError(
+            "diagnose: an MJCF file, an MjSpec, an MjModel or a MujocoSimulator wanted, found a "
+            f"{type(model).__name__}."
+        )
+    compiled = load_model(model)
+    if isinstance(model, str) and model.lstrip().startswith("<"):
+        return Source(compiled, mujoco.MjSpec.from_string(model), "MJCF text", "MJCF text")
+    spec = mujoco.MjSpec.from_file(str(model))
+    return Source(compiled, spec, Path(model).name, str(model))
+
+
+def _decompiled(model: mujoco.MjModel) -> mujoco.MjSpec:
+    """MuJoCo keeps the last XML that this process loaded, so a model goes back to MJCF only if it is of that one."""
+    try:
+        with tempfile.TemporaryDirectory() as folder:
+            file = Path(folder) / "model.xml"
+            mujoco.mj_saveLastXML(str(file), model)
+            spec = mujoco.MjSpec.from_file(str(file))
+        again = spec.copy().compile()
+    except (ValueError, mujoco.FatalError) as error:
+        raise ConfigurationError(_GIVE_FILE) from error
+    alike = ("body_mass", "body_pos", "jnt_axis", "dof_damping", "actuator_gainprm")
+    same = again.names == model.names and all(
+        np.allclose(getattr(again, name), getattr(model, name), rtol=1e-4, atol=1e-9) for name in alike
+    )
+    if not same:
+        raise ConfigurationError(_GIVE_FILE)
+    return spec
+
+
+_GIVE_FILE = (
+    "diagnose: this MjModel cannot be turned back into MJCF; give the file or the MjSpec that it was made from."
+)

@@ -1,0 +1,38 @@
+"""The verdict as a sentence."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+from torch_activegp.diagnosis.result import NamedEffect
+
+
+def sentence(verdict: str, effects: Sequence[NamedEffect], details: Mapping[str, Any]) -> str:
+    """One sentence that says what was found.
+
+    Args:
+        verdict: ``none``, ``named``, ``tie`` or ``unknown``.
+        effects: the named effects.
+        details: the other entries of ``diagnosis.json``.
+    """
+    if verdict == "none":
+        return "The simulator and the recordings differ by noise alone."
+    if verdict == "unknown":
+        places = [place["target"] for place in details["location"][:1]]
+        where = f", most of it at {places[0]}" if places else ""
+        return f"The simulator and the recordings differ{where}, and no effect on the list explains it."
+    share = sum(effect.share for effect in effects)
+    names = _joined([f"{effect.name} at {effect.target}" for effect in effects])
+    error = details["fit"]["holdout"]["free_run"]
+    better = f"with it, the free-run error on held-out runs falls from {error['before']:.3g} to {error['after']:.3g}"
+    noise = f"(noise {error['noise']:.2g})"
+    text = f"The simulator leaves out {names}, explaining {share:.0%} of the mismatch; {better} {noise}"
+    if verdict == "tie":
+        others = _joined([f"{name} at {target}" for effect in effects for name, target in effect.ties], "or")
+        text = f"{text}; the recordings cannot tell it from {others}"
+    return f"{text}."
+
+
+def _joined(words: Sequence[str], link: str = "and") -> str:
+    return words[0] if len(words) == 1 else f"{', '.join(words[:-1])} {link} {words[-1]}"

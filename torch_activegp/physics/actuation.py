@@ -1,0 +1,268 @@
+"""What happens between the command and the force: gain, bias, limits, dead band, delay and lag."""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Sequence
+from typing import ClassVar, Self
+
+import mujoco
+import numpy as np
+
+from torch_activegp.physics.effect import Array, Effect, Parameter, Place, element
+
+
+@dataclasses.dataclass(frozen=True, eq=False)
+class ActuatorEffect(Effect):
+    """Base of the effects on a control.
+
+    Args:
+        index: which control.
+        nominal_gain: the model's own factor from control to force.
+    """
+
+    index: int = 0
+    nominal_gain: float = 1.0
+
+    order: ClassVar[int] = 0
+    """Place in the chain from the command to the force, for several effects on one actuator."""
+
+    @classmethod
+    def make(
+        cls, place: Place, model: mujoco.MjModel, parameter: Parameter, seeds: Sequence[float], linear: int = 0
+    ) -> Self:
+        """Makes the effect for an actuator."""
+        fed = (model.actuator_ctrladr == place.index) & (model.actuator_ctrlnum > 0)
+        gain = float(model.actuator_gainprm[np.flatnonzero(fed)[0], 0])
+        table = np.array(seeds, dtype=float)[:, None]
+        return cls(place.target, (parameter,), table, linear=linear, index=place.index, nominal_gain=gain)
+
+    def actuator(self, spec: mujoco.MjSpec) -> mujoco.MjsActuator:
+        """The actuator in a model that is being edited."""
+        actuator: mujoco.MjsActuator = element(spec, spec.actuators, self.target)
+        return actuator
+
+
+def _proportional(actuator: mujoco.MjsActuator) -> bool:
+    """Whether the force is a constant factor times the control, filtered perhaps, and something without it."""
+    filters = (mujoco.mjtDyn.mjDYN_NONE, mujoco.mjtDyn.mjDYN_FILTER, mujoco.mjtDyn.mjDYN_FILTEREXACT)
+    by_ratio = actuator.biastype == mujoco.mjtBias.mjBIAS_AFFINE and actuator.biasprm[2] > 0.0  # dampratio of the gain
+    return actuator.gaintype == mujoco.mjtGain.mjGAIN_FIXED and actuator.dyntype in filters and not by_ratio
+
+
+def _wide(values: Array) -> Array:
+    """Values ``(n,)`` against controls ``(n, runs, T)``."""
+    return values[:, None, None]
+
+
+class ActuatorGain(ActuatorEffect):
+    """(1 + c) u: the drive is stronger or weaker than the model's."""
+
+    name = "actuator_gain"
+    law = "g u"
+    tunable = True
+    order = 1
+
+    @classmethod
+    def at(cls, place: Place, model: mujoco.MjModel) -> Self:
+        """Makes the effect for an actuator."""
+        return cls.make(place, model, Parameter("excess", "1", 0.05, low=-0.95, high=9.0), [0.05], linear=1)
+
+    def control(self, control: Array, dt: Array, values: Array) -> Array:
+        """Scales the control."""
+        control[..., self.index] *= _wide(1.0 + values[:, 0])
+        return control
+
+    def write(self, spec: mujoco.MjSpec, values: Array) -> bool:
+        """Scales ``gainprm``, where the force is proportional to the control."""
+        actuator = self.actuator(spec)
+        if not _proportional(actuator):
+            return False
+        actuator.gainprm[0] *= 1.0 + float(values[0])
+        return True
+
+    def describe(self, values: Array) -> dict[str, float]:
+        """The gain, 1 for the model's own."""
+        return {"gain": 1.0 + float(values[0])}
+
+
+class ActuatorBias(ActuatorEffect):
+    """u + b: the drive's zero is off."""
+
+    name = "actuator_bias"
+    law = "u + b"
+    tunable = True
+    order = 2
+
+    @classmethod
+    def at(cls, place: Place, model: mujoco.MjModel) -> Self:
+        """Makes the effect for an actuator."""
+        scale = 0.05 * place.control
+        return cls.make(place, model, Parameter("bias", "1", scale), [scale], linear=1)
+
+    def control(self, control: Array, dt: Array, values: Array) -> Array:
+        """Adds to the control."""
+        control[..., self.index] += _wide(values[:, 0])
+        return control
+
+    def write(self, spec: mujoco.MjSpec, values: Array) -> bool:
+        """Writes the force of the bias into ``biasprm``, where the force is proportional to the control."""
+        actuator = self.actuator(spec)
+        biases = (mujoco.mjtBias.mjBIAS_NONE, mujoco.mjtBias.mjBIAS_AFFINE)
+        if not _proportional(actuator) or actuator.biastype not in biases:
+            return False
+        actuator.biasprm[0] += float(values[0]) * self.nominal_gain
+        if actuator.biastype == mujoco.mjtBias.mjBIAS_NONE:
+            actuator.biastype = mujoco.mjtBias.mjBIAS_AFFINE
+        return True
+
+
+class ActuatorDeadZone(ActuatorEffect):
+    """u - clip(u, -w, w): small commands do nothing."""
+
+    name = "actuator_dead_zone"
+    law = "u - clip(u, -w, w)"
+    order = 3
+
+    @classmethod
+    def at(cls, place: Place, model: mujoco.MjModel) -> Self:
+        """Makes the effect for an actuator."""
+        top = place.control
+        parameter = Parameter("width", "1", 0.03 * top, low=0.0, high=0.9 * top)
+        return cls.make(place, model, parameter, [share * top for share in (0.02, 0.05, 0.1, 0.2, 0.35, 0.5)])
+
+    def control(self, control: Array, dt: Array, values: Array) -> Array:
+        """Takes the dead band out."""
+        u, width = control[..., self.index], _wide(np.maximum(values[:, 0], 0.0))
+        control[..., self.index] = np.sign(u) * np.maximum(np.abs(u) - width, 0.0)
+        return control
+
+
+class ActuatorSaturation(ActuatorEffect):
+    """clip(u, -limit, limit): the drive gives no more than its limit."""
+
+    name = "actuator_saturation"
+    law = "clip(u, -limit, limit)"
+    order = 4
+
+    @classmethod
+    def at(cls, place: Place, model: mujoco.MjModel) -> Self:
+        """Makes the effect for an actuator."""
+        top = place.control
+        parameter = Parameter("limit", "1", 0.03 * top, low=0.02 * top, high=top)
+        shares = (0.97, 0.9, 0.8, 0.7, 0.6, 0.5, 0.4, 0.3, 0.2)
+        return cls.make(place, model, parameter, [share * top for share in shares])
+
+    def control(self, control: Array, dt: Array, values: Array) -> Array:
+        """Clips the control."""
+        limit = _wide(values[:, 0])
+        control[..., self.index] = np.clip(control[..., self.index], -limit, limit)
+        return control
+
+    def write(self, spec: mujoco.MjSpec, values: Array) -> bool:
+        """Writes ``forcerange`` where the control alone makes the force, else ``ctrlrange``."""
+        actuator, limit = self.actuator(spec), float(values[0])
+        if not _proportional(actuator):
+            return False
+        if actuator.dyntype == mujoco.mjtDyn.mjDYN_NONE and not any(actuator.biasprm[1:3]):
+            limit *= abs(self.nominal_gain)
+            actuator.forcerange = _narrower(actuator.forcerange, limit)
+            actuator.forcelimited = mujoco.mjtLimited.mjLIMITED_TRUE
+            return True
+        if actuator.gainprm[0] != self.nominal_gain:
+            return False
+        actuator.ctrlrange = _narrower(actuator.ctrlrange, limit)
+        actuator.ctrllimited = mujoco.mjtLimited.mjLIMITED_TRUE
+        return True
+
+
+def _narrower(limits: Array, limit: float) -> Array:
+    """A range cut to +-limit; a range that is not set counts as open."""
+    low, high = limits if limits[0] < limits[1] else (-np.inf, np.inf)
+    return np.array([max(-limit, low), min(limit, high)])
+
+
+class ActuatorLag(ActuatorEffect):
+    """First-order lag: T du'/dt = u - u', T the time constant."""
+
+    name = "actuator_lag"
+    law = "T du'/dt = u - u'"
+    order = 5
+
+    @classmethod
+    def at(cls, place: Place, model: mujoco.MjModel) -> Self:
+        """Makes the effect for an actuator, with time constants from a third of a sample to 0.2 s."""
+        seeds = np.geomspace(max(place.dt / 3, 2e-3), 0.2, 7)
+        parameter = Parameter("time_constant", "s", 0.3 * place.dt, low=0.0, high=0.5)
+        return cls.make(place, model, parameter, list(seeds))
+
+    def control(self, control: Array, dt: Array, values: Array) -> Array:
+        """Filters the control exactly for a control that is held in each step; gives the mean over the step."""
+        u = control[..., self.index]
+        constant = np.maximum(_wide(values[:, 0]), 1e-9)
+        ratio = dt[None] / constant
+        decay = np.exp(-ratio)
+        mean = -np.expm1(-ratio) / np.maximum(ratio, 1e-300)
+        state = u[..., 0].copy()
+        out = np.empty_like(u)
+        for k in range(u.shape[-1]):
+            out[..., k] = u[..., k] + (state - u[..., k]) * mean[..., k]
+            state = u[..., k] + (state - u[..., k]) * decay[..., k]
+        control[..., self.index] = out
+        return control
+
+    def write(self, spec: mujoco.MjSpec, values: Array) -> bool:
+        """Writes ``dyntype filterexact``, for an actuator without activation."""
+        actuator = self.actuator(spec)
+        if actuator.dyntype != mujoco.mjtDyn.mjDYN_NONE:
+            return False
+        actuator.dyntype, actuator.actearly = mujoco.mjtDyn.mjDYN_FILTEREXACT, True
+        actuator.dynprm[0] = float(values[0])
+        return True
+
+
+class ActuatorDelay(ActuatorEffect):
+    """u(t - T): a dead time on the bus or in the drive."""
+
+    name = "actuator_delay"
+    law = "u(t - T)"
+    order = 6
+
+    @classmethod
+    def at(cls, place: Place, model: mujoco.MjModel) -> Self:
+        """Makes the effect for an actuator, with delays from half a sample to 0.15 s."""
+        seeds = np.geomspace(max(place.dt / 2, 2e-3), 0.15, 8)
+        parameter = Parameter("seconds", "s", 0.3 * place.dt, low=0.0, high=0.4)
+        return cls.make(place, model, parameter, list(seeds))
+
+    def control(self, control: Array, dt: Array, values: Array) -> Array:
+        """Shifts the control; each step gets the mean of what reaches the machine within it."""
+        for run in range(dt.shape[0]):
+            edges = np.concatenate([[0.0], np.cumsum(dt[run])])
+            for case, delay in enumerate(np.maximum(values[:, 0], 0.0)):
+                u = control[case, run, :, self.index]
+                total = np.concatenate([[0.0], np.cumsum(u * dt[run])])
+                # before the run, the first control is taken to have been held
+                shifted = np.interp(edges - delay, edges, total) + u[0] * np.minimum(edges - delay, 0.0)
+                control[case, run, :, self.index] = np.diff(shifted) / np.maximum(dt[run], 1e-12)
+        return control
+
+    def write(self, spec: mujoco.MjSpec, values: Array) -> bool:
+        """Writes ``delay``, enough ``nsample`` for it, and linear ``interp``: the mean of what arrives in a step."""
+        actuator, delay = self.actuator(spec), float(values[0])
+        if actuator.nsample or delay < spec.option.timestep:  # MuJoCo's least delay is a step
+            return False
+        actuator.delay, actuator.interp = delay, 1
+        actuator.nsample = int(np.ceil(delay / spec.option.timestep)) + 2
+        return True
+
+
+ACTUATION: tuple[type[ActuatorEffect], ...] = (
+    ActuatorGain,
+    ActuatorBias,
+    ActuatorDelay,
+    ActuatorLag,
+    ActuatorSaturation,
+    ActuatorDeadZone,
+)
+"""The family, in the order in which a modeller would try them."""

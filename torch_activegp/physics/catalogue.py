@@ -1,0 +1,96 @@
+"""All effects that are tried on a model."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import mujoco
+import numpy as np
+
+from torch_activegp.physics.actuation import ACTUATION
+from torch_activegp.physics.effect import Array, Effect, Place
+from torch_activegp.physics.friction import FRICTION
+from torch_activegp.physics.inertia import (
+    ArmatureError,
+    CenterOfMassOffset,
+    DensityError,
+    GravityError,
+    PayloadMass,
+)
+from torch_activegp.physics.play import MEMORY, Backlash
+from torch_activegp.physics.sensing import SENSING
+from torch_activegp.physics.springs import POSITION_FORCES
+
+JOINT_EFFECTS = (*FRICTION, *POSITION_FORCES, *MEMORY, ArmatureError)
+
+
+def catalogue(
+    model: mujoco.MjModel, joints: Sequence[Place], actuators: Sequence[Place], sensors: Sequence[Place]
+) -> list[Effect]:
+    """Makes every effect of the list for every place where it can act.
+
+    Args:
+        model: compiled nominal model.
+        joints: recorded joints, hinges and slides.
+        actuators: actuators with a recorded control that changes.
+        sensors: recorded positions; ``index`` is the channel.
+
+    Returns:
+        Effects; several variants may share one name and target.
+    """
+    effects: list[Effect] = [kind.at(place, model) for place in joints for kind in JOINT_EFFECTS]  # type: ignore[attr-defined]
+    effects += [Backlash.at(place, model) for place in joints if Backlash.fits(place, model)]
+    effects += [kind.at(place, model) for place in actuators for kind in ACTUATION]  # type: ignore[attr-defined]
+    effects += [kind.at(place, model) for place in sensors for kind in SENSING]  # type: ignore[attr-defined]
+    effects += body_effects(model)
+    effects += [GravityError.along(axis) for axis in range(3)]
+    return effects
+
+
+def body_effects(model: mujoco.MjModel) -> list[Effect]:
+    """Payloads and displaced centres of mass on every body that moves.
+
+    MuJoCo compiles a balanced body with several joints to a mass matrix that is diagonal and stays so: to let its
+    centre of mass move, compile the model with ``simple = False`` on the body.
+    """
+    effects: list[Effect] = []
+    for body in range(1, model.nbody):
+        if model.body_weldid[body] == 0 or model.body_mass[body] <= 0.0:
+            continue
+        stays_balanced = model.body_simple[body] == 1 and model.body_dofnum[body] > 1
+        place = Place(f"body:{model.body(body).name or f'body{body}'}", body)
+        effects.append(PayloadMass.at(place, model, np.zeros(3), "center"))
+        effects.append(DensityError.at(place, model))
+        reach = farthest_point(model, body)
+        if np.linalg.norm(reach) > 1e-3 and not stays_balanced:
+            effects.append(PayloadMass.at(place, model, reach, "end"))
+        size = max(float(np.linalg.norm(reach)), 0.02)
+        if not stays_balanced:
+            effects += [CenterOfMassOffset.at(place, model, axis, size) for axis in range(3)]
+    return effects
+
+
+def farthest_point(model: mujoco.MjModel, body: int) -> Array:
+    """The end of a body that is farthest from its joint: where a tool or a load is mounted.
+
+    Returns:
+        Offset from the body's centre of mass, m, in the body's frame, ``(3,)``.
+    """
+    points = [model.body_pos[child] for child in range(model.nbody) if model.body_parentid[child] == body]
+    points += [model.site_pos[site] for site in range(model.nsite) if model.site_bodyid[site] == body]
+    for geom in range(model.ngeom):
+        if model.geom_bodyid[geom] != body:
+            continue
+        half = model.geom_size[geom, 1] if model.geom_type[geom] in _LONG else 0.0
+        axis = np.zeros(3)
+        mujoco.mju_rotVecQuat(axis, np.array([0.0, 0.0, half]), model.geom_quat[geom])
+        points += [model.geom_pos[geom] + axis, model.geom_pos[geom] - axis]
+    if not points:
+        return np.zeros(3)
+    joint = model.body_jntadr[body]
+    anchor = model.jnt_pos[joint] if joint >= 0 else np.zeros(3)
+    farthest = max(points, key=lambda point: float(np.linalg.norm(point - anchor)))
+    return np.asarray(farthest - model.body_ipos[body], dtype=float)
+
+
+_LONG = (int(mujoco.mjtGeom.mjGEOM_CAPSULE), int(mujoco.mjtGeom.mjGEOM_CYLINDER))

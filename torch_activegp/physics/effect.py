@@ -1,0 +1,169 @@
+"""What an effect is: physics that a simulator may have left out, as a law with parameters on a part of the machine."""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Callable, Sequence
+from typing import Any, ClassVar
+
+import mujoco
+import numpy as np
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
+Index = NDArray[np.integer[Any]]
+
+
+@dataclasses.dataclass(frozen=True)
+class Parameter:
+    """One number of a law.
+
+    Args:
+        name: the field's word for it.
+        unit: SI unit.
+        scale: a value that is small but matters on this machine; finite differences and screening use it.
+        low: least value that physics allows.
+        high: largest value.
+    """
+
+    name: str
+    unit: str
+    scale: float
+    low: float = -np.inf
+    high: float = np.inf
+
+
+@dataclasses.dataclass
+class Step:
+    """What an effect sees and may change before each time step of R simulations side by side.
+
+    Args:
+        qpos: positions, ``(R, nq)``.
+        qvel: velocities, ``(R, nv)``, rad/s or m/s.
+        ctrl: controls of this step, ``(R, nu)``.
+        force: generalised forces to add to, ``(R, nv)``, N m or N.
+        field: gives a field of ``MjModel`` by name with one value for each simulation, ``(R, ...)``, to write.
+        dt: length of the step, ``(R,)``, s.
+    """
+
+    qpos: Array
+    qvel: Array
+    ctrl: Array
+    force: Array
+    field: Callable[[str], Array]
+    dt: Array
+
+
+@dataclasses.dataclass(frozen=True, eq=False)
+class Effect:
+    """A law on one target. Subclasses say how it acts by overriding one of the hooks, each of which does nothing here.
+
+    Values come as ``(rows, P)``, one row a simulation; ``rows`` are the simulations that the effect acts in.
+
+    Args:
+        target: ``joint:``, ``actuator:``, ``body:`` or ``sensor:`` and the model's own name, or ``world``.
+        parameters: the P parameters. The first ``linear`` of them are amplitudes: at 0 the effect is absent.
+        seeds: values to start from, ``(n, P)``; the amplitudes in them serve where ``linear`` is 0.
+        linear: number of parameters in which the effect is linear.
+        variant: tells apart several forms of one name on one target.
+    """
+
+    target: str
+    parameters: tuple[Parameter, ...]
+    seeds: Array
+    linear: int = 1
+    variant: str = ""
+
+    name: ClassVar[str]
+    law: ClassVar[str]
+    covers: ClassVar[tuple[str, ...]] = ()
+    """Names of effects on the same target that this one contains."""
+    tunable: ClassVar[bool] = False
+    """Whether a modeller would have tuned it on the machine's data, so that a nominal can hide others in it."""
+    needs_steps: ClassVar[bool] = False
+    """Whether :meth:`before_step` does something."""
+
+    @property
+    def key(self) -> tuple[str, str]:
+        """Name and target."""
+        return self.name, self.target
+
+    def edit(self, field: Callable[[str], Array], rows: Index, values: Array) -> bool:
+        """Changes the model of some simulations; returns whether derived constants must be computed anew."""
+        return False
+
+    def before_step(self, step: Step, rows: Index, values: Array, memory: Array | None) -> None:
+        """Adds forces, or changes the model, before each time step."""
+
+    def memory(self, positions: Array, starts: Array, values: Array) -> Array | None:
+        """State of the effect at the start of each simulation; see :mod:`torch_activegp.physics.play`."""
+        return None
+
+    def control(self, control: Array, dt: Array, values: Array) -> Array | None:
+        """Maps the controls of whole runs ``(n, runs, T, nu)`` in place; dt is ``(runs, T)``, s; values ``(n, P)``."""
+        return None
+
+    def measure(self, read: Callable[[int, Array], Array], values: Array) -> tuple[int, Array] | None:
+        """Changes a recorded channel; see :mod:`torch_activegp.physics.sensing`."""
+        return None
+
+    def write(self, spec: mujoco.MjSpec, values: Array) -> bool:
+        """Writes the effect with values ``(P,)`` into a model; returns whether MJCF can hold it."""
+        return False
+
+    def describe(self, values: Array) -> dict[str, float]:
+        """The parameters by name."""
+        return {parameter.name: float(value) for parameter, value in zip(self.parameters, values, strict=True)}
+
+
+@dataclasses.dataclass(frozen=True)
+class Place:
+    """A part of the machine that effects are made for, with the size of what happens there.
+
+    Args:
+        target: name as in :class:`Effect`.
+        index: degree of freedom, actuator or body in the model; -1 for the world.
+        position_unit: ``rad`` or ``m``.
+        force_unit: ``N m`` or ``N``.
+        position: range of the recorded positions, ``(low, high)``.
+        speed: root mean square velocity.
+        top_speed: 99th percentile of the absolute velocity.
+        force: root mean square generalised force of inertia.
+        control: largest absolute control.
+        dt: time between samples, s.
+        qpos: address of the position.
+        joint: the joint's id.
+        loss: the model's own ``frictionloss`` there.
+    """
+
+    target: str
+    index: int
+    position_unit: str = "rad"
+    force_unit: str = "N m"
+    position: tuple[float, float] = (-1.0, 1.0)
+    speed: float = 1.0
+    top_speed: float = 2.0
+    force: float = 1.0
+    control: float = 1.0
+    dt: float = 0.01
+    qpos: int = 0
+    joint: int = 0
+    loss: float = 0.0
+
+    @property
+    def item(self) -> str:
+        """The model's own name."""
+        return self.target.partition(":")[2]
+
+
+def element(spec: mujoco.MjSpec, items: Sequence[Any], target: str) -> Any:
+    """The element of a model that is being edited which a target such as ``joint:elbow`` names.
+
+    An element without a name goes by its kind and its number in the compiled model: ``joint:joint0``.
+    """
+    kind, _, name = target.partition(":")
+    named = [item for item in items if item.name == name]
+    if named:
+        return named[0]
+    spec.compile()  # gives the elements their numbers
+    return next(item for item in items if not item.name and f"{kind}{item.id}" == name)

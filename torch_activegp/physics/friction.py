@@ -1,0 +1,266 @@
+"""Friction and drag on a joint."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from typing import Self
+
+import mujoco
+import numpy as np
+
+from torch_activegp.physics.effect import Array, Effect, Index, Parameter, Place, Step
+from torch_activegp.physics.joint import JointEffect
+
+_SMALL = 0.05
+SHARP = 2.0
+"""Time constant of MuJoCo's friction constraint in time steps: its default of 20 ms lets a stuck joint creep."""
+IMPEDANCE = (0.99, 0.999)
+_BRISTLES = 0.5
+
+
+def sharpen(field: Callable[[str], Array], rows: Index, dof: int) -> None:
+    """Makes dry friction stick firmly in some simulations, as :func:`write_sharp` does in a model."""
+    field("dof_solref")[rows, dof, 0] = SHARP * field("opt.timestep")[rows]
+    field("dof_solimp")[rows, dof, :2] = IMPEDANCE
+
+
+def write_sharp(joint: mujoco.MjsJoint, timestep: float) -> None:
+    """Writes ``solreffriction`` and ``solimpfriction`` for dry friction that sticks firmly."""
+    joint.solref_friction = np.array([SHARP * timestep, 1.0])
+    joint.solimp_friction = np.array([*IMPEDANCE, *joint.solimp_friction[2:]])
+
+
+class ViscousFriction(JointEffect):
+    """-c v: MJCF's ``joint damping``, first coefficient."""
+
+    name = "viscous_friction"
+    law = "-c v"
+    tunable = True
+    needs_steps = False
+
+    @classmethod
+    def at(cls, place: Place, model: mujoco.MjModel) -> Self:
+        """Makes the effect for a joint; c is what comes on top of the model's own damping."""
+        scale = _SMALL * place.force / place.speed
+        unit = f"{place.force_unit} s/{place.position_unit}"
+        parameter = Parameter("coefficient", unit, scale, low=-float(model.dof_damping[place.index]))
+        return cls.make(place, (parameter,), [[scale]])
+
+    def force(self, position: Array, velocity: Array, values: Sequence[Array] | Array) -> Array:
+        """The law; see :meth:`JointEffect.force`."""
+        return -values[0] * velocity
+
+    def edit(self, field: Callable[[str], Array], rows: Index, values: Array) -> bool:
+        """Adds to ``dof_damping``."""
+        field("dof_damping")[rows, self.dof] += values[:, 0]
+        return False
+
+    def write(self, spec: mujoco.MjSpec, values: Array) -> bool:
+        """Writes ``joint damping``."""
+        self.joint(spec).damping[0] += float(values[0])
+        return True
+
+
+class QuadraticDrag(JointEffect):
+    """-c v abs(v): MJCF's ``joint damping``, second coefficient."""
+
+    name = "quadratic_drag"
+    law = "-c v |v|"
+    needs_steps = False
+
+    @classmethod
+    def at(cls, place: Place, model: mujoco.MjModel) -> Self:
+        """Makes the effect for a joint."""
+        scale = _SMALL * place.force / place.speed**2
+        unit = f"{place.force_unit} s2/{place.position_unit}2"
+        parameter = Parameter("coefficient", unit, scale, low=-float(model.dof_dampingpoly[place.index, 0]))
+        return cls.make(place, (parameter,), [[scale]])
+
+    def force(self, position: Array, velocity: Array, values: Sequence[Array] | Array) -> Array:
+        """The law; see :meth:`JointEffect.force`."""
+        return -values[0] * velocity * np.abs(velocity)
+
+    def edit(self, field: Callable[[str], Array], rows: Index, values: Array) -> bool:
+        """Adds to ``dof_dampingpoly``."""
+        field("dof_dampingpoly")[rows, self.dof, 0] += values[:, 0]
+        return False
+
+    def write(self, spec: mujoco.MjSpec, values: Array) -> bool:
+        """Writes ``joint damping``."""
+        self.joint(spec).damping[1] += float(values[0])
+        return True
+
+
+class CoulombFriction(JointEffect):
+    """-F sign(v), with sticking: MJCF's ``joint frictionloss``."""
+
+    name = "coulomb_friction"
+    law = "-F sign(v), with sticking"
+    needs_steps = False
+
+    @classmethod
+    def at(cls, place: Place, model: mujoco.MjModel) -> Self:
+        """Makes the effect for a joint."""
+        scale = _SMALL * place.force
+        parameter = Parameter("level", place.force_unit, scale, low=-float(model.dof_frictionloss[place.index]))
+        return cls.make(place, (parameter,), [[scale]])
+
+    def force(self, position: Array, velocity: Array, values: Sequence[Array] | Array) -> Array:
+        """The law; see :meth:`JointEffect.force`."""
+        return -values[0] * np.sign(velocity)
+
+    def edit(self, field: Callable[[str], Array], rows: Index, values: Array) -> bool:
+        """Adds to ``dof_frictionloss``."""
+        loss = field("dof_frictionloss")
+        loss[rows, self.dof] = np.maximum(loss[rows, self.dof] + values[:, 0], 0.0)
+        sharpen(field, rows, self.dof)
+        return False
+
+    def write(self, spec: mujoco.MjSpec, values: Array) -> bool:
+        """Writes ``joint frictionloss``."""
+        joint = self.joint(spec)
+        joint.frictionloss = max(joint.frictionloss + float(values[0]), 0.0)
+        write_sharp(joint, spec.option.timestep)
+        return True
+
+
+class StribeckFriction(JointEffect):
+    """-(F + (S - F) exp(-(v / w)^2)) sign(v), sticking: Coulomb friction, and a static excess that falls with speed.
+
+    The amplitudes are the Coulomb level F and the excess S - F; w is the Stribeck velocity.
+    """
+
+    name = "stribeck_friction"
+    law = "-(F + (S - F) exp(-(v/w)^2)) sign(v), with sticking"
+    covers = ("coulomb_friction",)
+
+    @classmethod
+    def at(cls, place: Place, model: mujoco.MjModel) -> Self:
+        """Makes the effect for a joint, with Stribeck velocities from 2 to 50 % of the top speed."""
+        scale, nominal = _SMALL * place.force, float(model.dof_frictionloss[place.index])
+        top = place.top_speed
+        parameters = (
+            Parameter("coulomb", place.force_unit, scale, low=-nominal),
+            Parameter("excess", place.force_unit, scale, low=0.0),
+            Parameter("velocity", f"{place.position_unit}/s", 0.1 * top, low=0.005 * top, high=0.7 * top),
+        )
+        return cls.make(place, parameters, [[scale, scale, share * top] for share in (0.03, 0.08, 0.2, 0.45)], linear=2)
+
+    def force(self, position: Array, velocity: Array, values: Sequence[Array] | Array) -> Array:
+        """The law; see :meth:`JointEffect.force`."""
+        return -(values[0] + values[1] * np.exp(-((velocity / values[2]) ** 2))) * np.sign(velocity)
+
+    def edit(self, field: Callable[[str], Array], rows: Index, values: Array) -> bool:
+        """Makes the friction stick firmly."""
+        sharpen(field, rows, self.dof)
+        return False
+
+    def before_step(self, step: Step, rows: Index, values: Array, memory: Array | None) -> None:
+        """Sets ``dof_frictionloss`` by the speed at the start of the step."""
+        speed = step.qvel[rows, self.dof]
+        level = values[:, 0] + values[:, 1] * np.exp(-((speed / values[:, 2]) ** 2))
+        step.field("dof_frictionloss")[rows, self.dof] = np.maximum(self.nominal_loss + level, 0.0)
+
+    def write(self, spec: mujoco.MjSpec, values: Array) -> bool:
+        """Writes a passive DC motor with LuGre friction, whose bristles are as stiff as the time step allows.
+
+        Sliding, it agrees with the law to a few percent at steps of 2 ms, better at shorter ones.
+        """
+        inertia = 1.0 / float(spec.copy().compile().dof_invweight0[self.dof])
+        joint = self.joint(spec)
+        level = joint.frictionloss + float(values[0])
+        if level <= 0.0:
+            return False
+        joint.frictionloss = 0.0
+        bristles = _BRISTLES * inertia / spec.option.timestep**2
+        self.add_passive(spec, lugre=[bristles, 0.0, level, level + float(values[1]), float(values[2])])
+        return True
+
+    def describe(self, values: Array) -> dict[str, float]:
+        """Coulomb level, static level and Stribeck velocity."""
+        return {"coulomb": float(values[0]), "static": float(values[0] + values[1]), "velocity": float(values[2])}
+
+
+class AsymmetricFriction(JointEffect):
+    """-c+ v for v > 0 and -c- v for v < 0: friction that depends on the direction."""
+
+    name = "asymmetric_friction"
+    law = "-c+ v for v > 0, -c- v for v < 0"
+    covers = ("viscous_friction",)
+
+    @classmethod
+    def at(cls, place: Place, model: mujoco.MjModel) -> Self:
+        """Makes the effect for a joint."""
+        scale = _SMALL * place.force / place.speed
+        unit, low = f"{place.force_unit} s/{place.position_unit}", -float(model.dof_damping[place.index])
+        parameters = (Parameter("positive", unit, scale, low=low), Parameter("negative", unit, scale, low=low))
+        return cls.make(place, parameters, [[scale, scale]], linear=2)
+
+    def force(self, position: Array, velocity: Array, values: Sequence[Array] | Array) -> Array:
+        """The law; see :meth:`JointEffect.force`."""
+        return -np.where(velocity > 0, values[0], values[1]) * velocity
+
+    def edit(self, field: Callable[[str], Array], rows: Index, values: Array) -> bool:
+        """Adds the mean of both to ``dof_damping``."""
+        field("dof_damping")[rows, self.dof] += values.mean(axis=1)
+        return False
+
+    def before_step(self, step: Step, rows: Index, values: Array, memory: Array | None) -> None:
+        """Adds half the difference times the speed, always in one direction."""
+        speed = np.abs(step.qvel[rows, self.dof])
+        step.force[rows, self.dof] -= 0.5 * (values[:, 0] - values[:, 1]) * speed
+
+
+class AsymmetricCoulomb(JointEffect):
+    """-F+ for v > 0 and +F- for v < 0, with sticking: dry friction that depends on the direction.
+
+    The same as Coulomb friction of the mean of both, and a constant force of half the difference.
+    """
+
+    name = "asymmetric_friction"
+    law = "-F+ for v > 0, +F- for v < 0, with sticking"
+    covers = ("coulomb_friction",)
+
+    @classmethod
+    def at(cls, place: Place, model: mujoco.MjModel) -> Self:
+        """Makes the effect for a joint."""
+        scale, low = _SMALL * place.force, -float(model.dof_frictionloss[place.index])
+        parameters = (
+            Parameter("positive_level", place.force_unit, scale, low=low),
+            Parameter("negative_level", place.force_unit, scale, low=low),
+        )
+        return cls.make(place, parameters, [[scale, scale]], linear=2, variant="coulomb")
+
+    def force(self, position: Array, velocity: Array, values: Sequence[Array] | Array) -> Array:
+        """The law; see :meth:`JointEffect.force`."""
+        return -np.where(velocity > 0, values[0], values[1]) * np.sign(velocity)
+
+    def edit(self, field: Callable[[str], Array], rows: Index, values: Array) -> bool:
+        """Adds the mean of both to ``dof_frictionloss``."""
+        loss = field("dof_frictionloss")
+        loss[rows, self.dof] = np.maximum(loss[rows, self.dof] + values.mean(axis=1), 0.0)
+        sharpen(field, rows, self.dof)
+        return False
+
+    def before_step(self, step: Step, rows: Index, values: Array, memory: Array | None) -> None:
+        """Adds half the difference as a constant force."""
+        step.force[rows, self.dof] -= 0.5 * (values[:, 0] - values[:, 1])
+
+    def write(self, spec: mujoco.MjSpec, values: Array) -> bool:
+        """Writes ``joint frictionloss`` and a passive DC motor for the constant force."""
+        joint = self.joint(spec)
+        joint.frictionloss = max(joint.frictionloss + float(values.mean()), 0.0)
+        write_sharp(joint, spec.option.timestep)
+        self.add_passive(spec, cogging=[0.5 * float(values[1] - values[0]), 0.0, 0.5 * np.pi])
+        return True
+
+
+FRICTION: tuple[type[Effect], ...] = (
+    ViscousFriction,
+    CoulombFriction,
+    QuadraticDrag,
+    AsymmetricFriction,
+    AsymmetricCoulomb,
+    StribeckFriction,
+)
+"""The family, in the order in which a modeller would try them."""

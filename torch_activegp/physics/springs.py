@@ -1,0 +1,258 @@
+"""Springs, constant forces, soft stops and cogging: forces that depend on a joint's position."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Self
+
+import mujoco
+import numpy as np
+
+from torch_activegp.physics.effect import Array, Effect, Parameter, Place
+from torch_activegp.physics.joint import JointEffect
+
+_SMALL = 0.05
+_STOP_PLACES = 9
+_IMPEDANCE = 1e-4
+_FAR = 1e4
+_PERIODS = (1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 12, 14, 16, 18, 20, 24, 28, 30, 32, 36, 40, 42, 48, 56, 60, 64, 72, 84, 96)
+
+
+class ConstantForce(JointEffect):
+    """A force that does not depend on anything: a cable, a counterweight, an offset of a drive."""
+
+    name = "constant_force"
+    law = "F"
+
+    @classmethod
+    def at(cls, place: Place, model: mujoco.MjModel) -> Self:
+        """Makes the effect for a joint."""
+        scale = _SMALL * place.force
+        return cls.make(place, (Parameter("force", place.force_unit, scale),), [[scale]])
+
+    def force(self, position: Array, velocity: Array, values: Sequence[Array] | Array) -> Array:
+        """The law; see :meth:`JointEffect.force`."""
+        return values[0] + 0.0 * position
+
+    def write(self, spec: mujoco.MjSpec, values: Array) -> bool:
+        """Writes a passive DC motor with a cogging of no periods: a constant torque."""
+        self.add_passive(spec, cogging=[float(values[0]), 0.0, 0.5 * np.pi])
+        return True
+
+
+class LinearSpring(JointEffect):
+    """-k (q - q0): MJCF's ``joint stiffness`` and ``springref``. The amplitudes are k and k q0."""
+
+    name = "linear_spring"
+    law = "-k (q - q0)"
+
+    @classmethod
+    def at(cls, place: Place, model: mujoco.MjModel) -> Self:
+        """Makes the effect for a joint."""
+        reach = max(abs(place.position[0]), abs(place.position[1]), 1e-6)
+        scale = _SMALL * place.force / reach
+        parameters = (
+            Parameter("stiffness", f"{place.force_unit}/{place.position_unit}", scale, low=_softest(place, model)),
+            Parameter("preload", place.force_unit, _SMALL * place.force),
+        )
+        return cls.make(place, parameters, [[scale, 0.0]], linear=2, variant="rest")
+
+    def force(self, position: Array, velocity: Array, values: Sequence[Array] | Array) -> Array:
+        """The law; see :meth:`JointEffect.force`."""
+        return values[1] - values[0] * position
+
+    def write(self, spec: mujoco.MjSpec, values: Array) -> bool:
+        """Writes stiffness and rest position."""
+        return _write_spring(self, spec, float(values[0]), float(values[1]))
+
+    def describe(self, values: Array) -> dict[str, float]:
+        """Stiffness and rest position."""
+        return {"stiffness": float(values[0]), "rest": float(values[1] / values[0]) if values[0] else 0.0}
+
+
+class CenteredSpring(JointEffect):
+    """-k q: a spring at rest where the model's coordinate is zero."""
+
+    name = "linear_spring"
+    law = "-k q"
+
+    @classmethod
+    def at(cls, place: Place, model: mujoco.MjModel) -> Self:
+        """Makes the effect for a joint."""
+        reach = max(abs(place.position[0]), abs(place.position[1]), 1e-6)
+        scale = _SMALL * place.force / reach
+        unit = f"{place.force_unit}/{place.position_unit}"
+        return cls.make(place, (Parameter("stiffness", unit, scale, low=_softest(place, model)),), [[scale]])
+
+    def force(self, position: Array, velocity: Array, values: Sequence[Array] | Array) -> Array:
+        """The law; see :meth:`JointEffect.force`."""
+        return -values[0] * position
+
+    def write(self, spec: mujoco.MjSpec, values: Array) -> bool:
+        """Writes stiffness and rest position."""
+        return _write_spring(self, spec, float(values[0]), 0.0)
+
+
+class CubicSpring(JointEffect):
+    """-k q^3: MJCF's ``joint stiffness``, third coefficient."""
+
+    name = "cubic_spring"
+    law = "-k q^3"
+
+    @classmethod
+    def at(cls, place: Place, model: mujoco.MjModel) -> Self:
+        """Makes the effect for a joint."""
+        reach = max(abs(place.position[0]), abs(place.position[1]), 1e-6)
+        scale = _SMALL * place.force / reach**3
+        unit = f"{place.force_unit}/{place.position_unit}3"
+        low = -float(model.jnt_stiffnesspoly[model.dof_jntid[place.index], 1])
+        return cls.make(place, (Parameter("stiffness", unit, scale, low=low),), [[scale]])
+
+    def force(self, position: Array, velocity: Array, values: Sequence[Array] | Array) -> Array:
+        """The law; see :meth:`JointEffect.force`."""
+        return -values[0] * position**3
+
+    def write(self, spec: mujoco.MjSpec, values: Array) -> bool:
+        """Writes the third coefficient of the stiffness, where the model's spring rests at zero."""
+        joint = self.joint(spec)
+        if joint.springref != 0.0 or any(joint.springdamper):
+            return False
+        joint.stiffness[2] += float(values[0])
+        return True
+
+
+def _softest(place: Place, model: mujoco.MjModel) -> float:
+    """The change of stiffness that takes the model's own spring away."""
+    return -float(model.jnt_stiffness[model.dof_jntid[place.index]])
+
+
+def _write_spring(effect: JointEffect, spec: mujoco.MjSpec, stiffness: float, preload: float) -> bool:
+    """Adds a spring to what the model has there, unless that is not linear."""
+    joint = effect.joint(spec)
+    total = joint.stiffness[0] + stiffness
+    if any(joint.stiffness[1:]) or any(joint.springdamper) or total <= 0.0:
+        return False
+    unit = effect.angle(spec, 1.0)
+    rest = (joint.stiffness[0] * joint.springref / unit + preload) / total
+    joint.stiffness[0], joint.springref = total, rest * unit
+    return True
+
+
+class JointStop(JointEffect):
+    """A one-sided spring and damper past a position: max(0, k p + d v) against the penetration p."""
+
+    name = "joint_stop"
+    law = "-max(0, k p + d v) past the stop, p the penetration"
+    side: float = 1.0
+
+    @classmethod
+    def at(cls, place: Place, model: mujoco.MjModel) -> Self:
+        """Makes the effect for the upper end of the range."""
+        low, high = place.position if cls.side > 0 else (-place.position[1], -place.position[0])
+        width = max(high - low, 1e-9)
+        stiffness = 10 * place.force / width
+        parameters = (
+            Parameter("stiffness", f"{place.force_unit}/{place.position_unit}", stiffness, low=0.0),
+            Parameter(
+                "damping", f"{place.force_unit} s/{place.position_unit}", 0.2 * place.force / place.speed, low=0.0
+            ),
+            Parameter("position", place.position_unit, 0.01 * width, low=low, high=high),
+        )
+        places = high - width * np.geomspace(0.01, 0.45, _STOP_PLACES)
+        seeds = [[stiffness, 0.1 * place.force / place.speed, position] for position in places]
+        return cls.make(place, parameters, seeds, linear=2, variant="upper" if cls.side > 0 else "lower")
+
+    def force(self, position: Array, velocity: Array, values: Sequence[Array] | Array) -> Array:
+        """The law; see :meth:`JointEffect.force`."""
+        depth = self.side * position - values[2]
+        push = values[0] * depth + values[1] * self.side * velocity
+        return np.where(depth > 0, -self.side * np.maximum(push, 0.0), 0.0)
+
+    def write(self, spec: mujoco.MjSpec, values: Array) -> bool:
+        """Writes ``joint range`` with ``solreflimit`` and ``solimplimit``, where the joint has no limits yet.
+
+        At the least impedance d, MuJoCo's constraint is a spring and a damper of its ``solref`` over the joint's
+        inertia as the solver sees it.
+        """
+        joint = self.joint(spec)
+        free = joint.limited == mujoco.mjtLimited.mjLIMITED_FALSE or joint.range[0] >= joint.range[1]
+        softness = float(spec.copy().compile().dof_invweight0[self.dof]) * (1.0 - _IMPEDANCE)
+        wanted = -softness * np.maximum(values[:2], 1e-12)
+        if not free and not np.allclose(joint.solref_limit, wanted, rtol=1e-3):
+            return False
+        far = self.angle(spec, _FAR)
+        low, high = (-far, far) if free else joint.range
+        stop = self.angle(spec, float(self.side * values[2]))
+        joint.range = np.array([low, min(stop, high)] if self.side > 0 else [max(stop, low), high])
+        joint.limited = mujoco.mjtLimited.mjLIMITED_TRUE
+        joint.solref_limit = wanted
+        joint.solimp_limit = np.array([_IMPEDANCE, _IMPEDANCE, *joint.solimp_limit[2:]])
+        return True
+
+    def describe(self, values: Array) -> dict[str, float]:
+        """Position, stiffness and damping."""
+        return {"position": float(self.side * values[2]), "stiffness": float(values[0]), "damping": float(values[1])}
+
+
+class LowerJointStop(JointStop):
+    """The same at the lower end of the range."""
+
+    side = -1.0
+
+
+class Cogging(JointEffect):
+    """A sin(N q + phase): the pull of a motor's magnets. The amplitudes are those of the sine and the cosine."""
+
+    name = "cogging"
+    law = "A sin(N q + phase)"
+
+    @classmethod
+    def at(cls, place: Place, model: mujoco.MjModel) -> Self:
+        """Makes the effect for a joint, with the numbers of periods that its range and speed let us see."""
+        scale = _SMALL * place.force
+        width = max(place.position[1] - place.position[0], 1e-9)
+        fastest = 0.6 * np.pi / (max(place.top_speed, 1e-9) * place.dt)
+        if place.position_unit == "rad":
+            periods = [float(n) for n in _PERIODS if n * width > np.pi and n < 4 * fastest] or [1.0]
+        else:
+            periods = [2 * np.pi * n / width for n in (2, 3, 4, 6, 8, 11, 16, 22, 32)]
+        spread = 0.5 * np.pi / width
+        parameters = (
+            Parameter("sine", place.force_unit, scale),
+            Parameter("cosine", place.force_unit, scale),
+            Parameter(
+                "periods", "1/turn" if place.position_unit == "rad" else f"rad/{place.position_unit}", spread, low=0.1
+            ),
+        )
+        return cls.make(place, parameters, [[scale, scale, n] for n in periods], linear=2)
+
+    def force(self, position: Array, velocity: Array, values: Sequence[Array] | Array) -> Array:
+        """The law; see :meth:`JointEffect.force`."""
+        angle = values[2] * position
+        return values[0] * np.sin(angle) + values[1] * np.cos(angle)
+
+    def write(self, spec: mujoco.MjSpec, values: Array) -> bool:
+        """Writes a passive DC motor with cogging."""
+        law = self.describe(values)
+        self.add_passive(spec, cogging=[law["amplitude"], law["periods"], law["phase"]])
+        return True
+
+    def describe(self, values: Array) -> dict[str, float]:
+        """Amplitude, number of periods and phase."""
+        return {
+            "amplitude": float(np.hypot(values[0], values[1])),
+            "periods": float(values[2]),
+            "phase": float(np.arctan2(values[1], values[0])),
+        }
+
+
+POSITION_FORCES: tuple[type[Effect], ...] = (
+    ConstantForce,
+    CenteredSpring,
+    LinearSpring,
+    CubicSpring,
+    Cogging,
+    JointStop,
+    LowerJointStop,
+)
+"""The family, in the order in which a modeller would try them."""

@@ -1,0 +1,84 @@
+"""The evidence: the named effects against every rival explanation, and against leaving a run out."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from torch_activegp.report.numbers import is_number, misfit, number, percent
+from torch_activegp.report.section import Section, Values
+from torch_activegp.report.words import bic_word, capital, effects_text, listed
+
+_FIRST = 8
+_HARDLY = 1e-12
+_CLOSE = 2.0
+_TAGS = {"none": "the verdict", "named": "the verdict", "tie": "tied", "unknown": "not enough"}
+
+
+def rivals(diagnosis: Values, evidence: Values) -> Section | None:
+    """The explanations side by side, best first; None if none were compared."""
+    found, dropped = diagnosis.get("rivals") or [], diagnosis.get("stability") or []
+    if not (found or dropped):
+        return None
+    named = _key(diagnosis.get("effects") or [])
+    rows = [_row(rival, found[0], named) for rival in found]
+    for row in rows:
+        if row["named"] or (diagnosis["verdict"] == "tie" and row["close"]):
+            row["tag"] = _TAGS[diagnosis["verdict"]]
+    stability = [_dropped(entry, named) for entry in dropped]
+    content = {
+        "rows": rows[:_FIRST],
+        "more": rows[_FIRST:],
+        "stability": stability,
+        "stable": sum(entry["same"] for entry in stability),
+    }
+    return Section("rivals", "Evidence", _heading(diagnosis, found, named), content)
+
+
+def _heading(diagnosis: Values, found: list[Values], named: frozenset[Any]) -> str:
+    if diagnosis["verdict"] == "tie":
+        return "Several explanations fit these recordings equally well"
+    if diagnosis["verdict"] == "unknown":
+        return "The best known explanation is not good enough"
+    others = [rival for rival in found if _key(rival["effects"]) != named]
+    gap = _gap(others[0], found[0]) if others and _key(found[0]["effects"]) == named else None
+    if gap is None:
+        return "The explanations compared"
+    if diagnosis["verdict"] == "none":
+        return f"No effect improves on the simulator: the best is {number(gap, 2)} BIC points worse"
+    return f"{capital(effects_text(found[0]['effects']))}: the next rival is {number(gap, 2)} BIC points worse"
+
+
+def _row(rival: Values, best: Values, named: frozenset[Any]) -> dict[str, Any]:
+    gap, probability = _gap(rival, best), rival.get("probability")
+    return {
+        "name": capital(effects_text(rival["effects"])),
+        "named": _key(rival["effects"]) == named,
+        "chi2": misfit(rival.get("chi2_per_dof")),
+        "gap": number(gap, 3) if gap else "best" if gap == 0 else number(None),
+        "close": gap is not None and gap < _CLOSE,
+        "tag": "",
+        "word": bic_word(gap) if gap else "",
+        "probability": percent(probability or _HARDLY if is_number(probability) else None),
+        "width": round(100 * min(1.0, max(0.0, probability)), 1) if is_number(probability) else 0.0,
+    }
+
+
+def _gap(rival: Values, best: Values) -> float | None:
+    here, there = rival.get("delta_bic"), best.get("delta_bic")
+    return abs(here - there) if is_number(here) and is_number(there) else None
+
+
+def _dropped(entry: Values, named: frozenset[Any]) -> dict[str, Any]:
+    effects = entry.get("effects") or []
+    return {
+        "dropped": entry.get("dropped"),
+        "same": _key(effects) == named,
+        "effects": capital(effects_text(effects)),
+        "parameters": listed(
+            f"{name.rpartition('.')[2]} {number(value)}" for name, value in (entry.get("parameters") or {}).items()
+        ),
+    }
+
+
+def _key(effects: list[Values]) -> frozenset[Any]:
+    return frozenset((effect["name"], effect.get("target")) for effect in effects)
