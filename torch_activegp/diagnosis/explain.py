@@ -5,7 +5,11 @@ from __future__ import annotations
 import dataclasses
 from collections.abc import Callable, Sequence
 
+import numpy as np
+from numpy.typing import NDArray
+
 from torch_activegp.diagnosis.engine import Engine
+from torch_activegp.diagnosis.fit import Fit
 from torch_activegp.diagnosis.machine import Machine
 from torch_activegp.diagnosis.noise_floor import noise_floor
 from torch_activegp.diagnosis.noise_model import NoiseModel
@@ -57,24 +61,26 @@ def explain(machine: Machine, effects: Sequence[Effect], nthread: int = 0, tell:
     numerics = Numerics.of(machine, nthread)
     tell("noise floor")
     noise = noise_floor(machine.fit)
-    segments, states = _longest(machine, numerics, noise)
-    engine, shooting, nominal, judged = numerics.choose(segments, noise, states)
+    segments, first = _longest(machine, numerics, noise)
+    engine, shooting, nominal, judged = numerics.choose(segments, noise, first, first)
     sets: Sets = []
     excess = nominal.chi2 - shooting.dof
     if excess > 2 * _ENOUGH and segments.size > 8:
         tell("naming on a part of the data")
         part, which = shooting.subset(max(_ENOUGH / excess, 0.2))
-        rough = part.fit([((), ())], nominal.starts[which])[0]
+        rough = part.fit([((), ())], nominal.starts[which], design=_some(nominal.design, which))[0]
         sets = _leaders(select(part, effects, rough, tell=tell))
-        engine, shooting, nominal, judged = numerics.choose(segments, noise, nominal.starts, sets)
+        engine, shooting, nominal, judged = numerics.choose(segments, noise, nominal, nominal, sets)
     tell("naming on all data")
     selection = select(shooting, effects, nominal, sets, judged.starts, tell)
-    again, shooting, nominal, judged = numerics.choose(segments, noise, selection.best.starts, _leaders(selection))
-    if again is not engine:
-        engine = again
-        tell("naming with the numerics seen behind the effects")
-        seen = [(judged.effects, judged.values), *_leaders(selection)]
-        selection = select(shooting, effects, nominal, seen, judged.starts, tell)
+    best, leaders = selection.best, _leaders(selection)
+    if best.effects:
+        again, other, bare, judged = numerics.choose(segments, noise, best, nominal, leaders, (engine, shooting))
+        if again is not engine:
+            engine, shooting = again, other
+            tell("naming with the numerics seen behind the effects")
+            seen = [(judged.effects, judged.values), *leaders]
+            selection = select(shooting, effects, bare, seen, judged.starts, tell)
     return Explanation(engine, shooting, selection, tuple(effects), engine is numerics.fine)
 
 
@@ -82,7 +88,7 @@ def _leaders(selection: Selection) -> Sets:
     return [(fit.effects, fit.values) for fit in selection.ranked()[:3] if fit.effects]
 
 
-def _longest(machine: Machine, numerics: Numerics, noise: NoiseModel) -> tuple[Segments, Array]:
+def _longest(machine: Machine, numerics: Numerics, noise: NoiseModel) -> tuple[Segments, Fit]:
     """The longest segments over which the nominal stays close enough for a linearisation to mean something."""
     engine = numerics.given
     for seconds in (SECONDS, _SHORT, _SHORT / 2):
@@ -91,4 +97,8 @@ def _longest(machine: Machine, numerics: Numerics, noise: NoiseModel) -> tuple[S
         nominal = shooting.fit([((), ())], engine.starts(segments), rounds=4)[0]
         if nominal.chi2 < _TOO_FAR * shooting.dof:
             break
-    return segments, nominal.starts
+    return segments, nominal
+
+
+def _some(design: Array | None, which: NDArray[np.int64]) -> Array | None:
+    return None if design is None else design[which]

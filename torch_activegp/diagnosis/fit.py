@@ -23,6 +23,7 @@ class Fit:
         per_segment: its parts, ``(S,)``.
         information: normal matrix of the parameters after the states are eliminated, ``(P, P)``.
         scores: gradient of half the chi2 in each segment, ``(S, P)``.
+        design: derivatives of the whitened residuals by the initial states, ``(S, M, nq + nv)``.
     """
 
     effects: tuple[Effect, ...]
@@ -32,6 +33,7 @@ class Fit:
     per_segment: Array
     information: Array
     scores: Array
+    design: Array | None = None
 
     @property
     def candidate(self) -> Candidate:

@@ -18,6 +18,7 @@ _FIRST_DAMPING = 1e-6
 _RACERS = 3
 _MUCH = 0.02
 _LITTLE = 0.05
+_HOPE = 0.01
 
 
 class Likelihood(Protocol):
@@ -38,7 +39,10 @@ def give_up(problems: Sequence[Problem]) -> None:
 
 
 class Problem:
-    """One set on its way to the optimum: Levenberg-Marquardt on the parameters, the states by projection."""
+    """One set on its way to the optimum: Levenberg-Marquardt on the parameters, the states by projection.
+
+    Derivatives by the states may come from a fit of another set near by; they are computed anew where they mislead.
+    """
 
     def __init__(
         self,
@@ -47,6 +51,7 @@ class Problem:
         values: tuple[Array, ...],
         starts: Array,
         hold: bool = False,
+        design: Array | None = None,
     ) -> None:
         self.shooting = shooting
         self.effects = effects
@@ -58,11 +63,12 @@ class Problem:
         self._scale = np.array([p.scale for e in effects for p in e.parameters])
         self._damping = _FIRST_DAMPING
         self._best: dict[str, Array | float] | None = None
-        self._design: Array | None = None
-        self._columns: Array | None = None
+        self._design = design
+        self._columns = None if len(self._trial) or design is None else np.zeros((*design.shape[:2], 0))
         self._brake = np.ones(len(starts))
         self._residual = np.zeros(0)
-        self._age = 0
+        self._predicted = 0.0
+        self._age = 0 if design is None else 1
         self._hold = hold
         self._lengths = [len(e.parameters) for e in effects]
 
@@ -107,7 +113,7 @@ class Problem:
             return
         if len(white) > 1 or self._columns is None:
             self._take_derivatives(white)
-        elif not chi2 < self.chi2:
+        elif self._best is not None and not chi2 < self.chi2:
             self._worse(last)
             return
         old = self.chi2
@@ -117,7 +123,7 @@ class Problem:
         assert self._design is not None and self._columns is not None
         self._linear = eliminate(self._design, self._columns, np.nan_to_num(residual))
         fell = old - chi2
-        if len(white) == 1:
+        if len(white) == 1 and np.isfinite(old):
             self._damping = max(self._damping / 10.0, 1e-9)
             self._age += 1
             if fell > _MUCH * chi2 and not last:  # far from where the derivatives were taken: once more, here
@@ -155,8 +161,8 @@ class Problem:
         if self._design is None:
             moved = -(white[1 : 1 + n] - residual) / self._state_steps[:, None, None]
             self._design = np.nan_to_num(moved).transpose(1, 2, 0)
+            self._age = 0
         self._columns = np.nan_to_num(-(white[1 + n :] - residual) / self._steps[:, None, None]).transpose(1, 2, 0)
-        self._age = 0
 
     def _worse(self, last: bool) -> None:
         """A step that did not help: first blame old derivatives, then the length of the step."""
@@ -165,8 +171,9 @@ class Problem:
             self._design = self._columns = None
             self._trial, self._trial_starts = np.asarray(self._best["flat"]), np.asarray(self._best["starts"])
             return
-        self._damping = max(5.0 * self._damping, 0.5)
-        self.finished = self._damping > 1e3 or last
+        self._damping = max(10.0 * self._damping, 0.5)
+        hopeful = self._predicted > _HOPE * self.chi2
+        self.finished = self._damping > (1e3 if hopeful else 10.0) or last
         if not self.finished:
             self._propose()
 
@@ -196,6 +203,7 @@ class Problem:
         gain = float((np.einsum("smn,sm->sn", eliminated.basis, eliminated.residual) ** 2).sum())
         if len(delta):
             gain += float(2 * eliminated.gradient.sum(0) @ delta - delta @ eliminated.normal.sum(0) @ delta)
+        self._predicted = gain
         if gain < _LITTLE + 1e-5 * self.chi2:
             self.finished = True
         brake = self._brake[:, None] / (1.0 + self._damping)
@@ -213,4 +221,5 @@ class Problem:
             np.asarray(self._best["per_segment"]),
             linear.normal.sum(0),
             linear.gradient,
+            self._design,
         )

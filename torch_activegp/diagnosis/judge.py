@@ -152,7 +152,7 @@ def _split(shooting: Shooting, selection: Selection) -> tuple[list[Effect], tupl
     if not tunable or not others:
         return list(best.effects), ()
     values = tuple(v for e, v in zip(best.effects, best.values, strict=True) if e.tunable)
-    alone = shooting.fit([(tuple(tunable), values)], best.starts)[0]
+    alone = shooting.fit([(tuple(tunable), values)], best.starts, design=best.design)[0]
     if nominal.chi2 - alone.chi2 < HIDDEN_SHARE * (nominal.chi2 - best.chi2):
         return others, tuple(tunable)
     return list(best.effects), ()
@@ -174,7 +174,7 @@ def _shares(
             fits = [best]
         else:
             sets = [(tuple([*always, *order, e]), tuple(values[x] for x in [*always, *order, e])) for e in left]
-            fits = shooting.fit(sets, best.starts)
+            fits = shooting.fit(sets, best.starts, design=best.design)
         first = min(range(len(left)), key=lambda i: fits[i].chi2)
         order.append(left[first])
         shares.append(float(np.clip((level - fits[first].chi2) / total, 0.0, 1.0)) * explained)

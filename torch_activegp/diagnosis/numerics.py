@@ -20,15 +20,28 @@ from torch_activegp.physics.effect import Effect
 _STEP = 0.005
 _CLOSE = 30.0
 _PRICE = 20.0
+_SETTLED = 0.01
+_POSES = 300
 _LIKE_A_TIME_STEP = frozenset({"actuator_delay", "actuator_lag", "sensor_delay"})
 
 
 _RUNGE_KUTTA = int(mujoco.mjtIntegrator.mjINT_RK4)
 
 
-def _stiff(model: mujoco.MjModel) -> bool:
-    """Whether bodies can touch: contacts want the small step that their model was given."""
-    return bool(((model.geom_contype[:, None] & model.geom_conaffinity[None]) != 0).any() and model.ngeom > 1)
+def _stiff(machine: Machine) -> bool:
+    """Whether anything touches in the recorded poses: contacts and stops want the small step that their model has."""
+    model, channels = machine.model, machine.channels
+    if model.neq or model.ntendon:
+        return True
+    data = mujoco.MjData(model)
+    for run in (*machine.fit, *machine.holdout):
+        for position in run.smooth[:: max(len(run) // _POSES, 1)]:
+            data.qpos[:] = model.qpos0
+            data.qpos[channels.qpos] = position
+            mujoco.mj_fwdPosition(model, data)
+            if data.ncon or data.nl:
+                return True
+    return False
 
 
 def _cheap(model: mujoco.MjModel) -> int:
@@ -38,6 +51,7 @@ def _cheap(model: mujoco.MjModel) -> int:
 
 
 Sets = Sequence[tuple[Sequence[Effect], Sequence[Array]]]
+Known = tuple[Engine, Shooting]
 
 
 def _without_delays(sets: Sets) -> list[tuple[tuple[Effect, ...], tuple[Array, ...]]]:
@@ -74,36 +88,57 @@ class Numerics:
         model, channels = machine.model, machine.channels
         step = float(np.median(np.concatenate([run.dt for run in machine.fit])))
         few = max(int(np.ceil(step / _STEP - 1e-6)), 1)
-        plain = substeps_for(model, machine.fit)
+        plain, stiff = substeps_for(model, machine.fit), _stiff(machine)
         return cls(
             Engine(model, channels, plain, nthread),
-            Engine(model, channels, max(few, plain) if _stiff(model) else few, nthread, _RUNGE_KUTTA),
-            Engine(model, channels, plain if _stiff(model) else min(few, plain), nthread, _cheap(model)),
+            Engine(model, channels, max(few, plain) if stiff else few, nthread, _RUNGE_KUTTA),
+            Engine(model, channels, plain if stiff else min(few, plain), nthread, _cheap(model)),
         )
 
     def choose(
-        self, segments: Segments, noise: NoiseModel, starts: Array, sets: Sets = ()
+        self,
+        segments: Segments,
+        noise: NoiseModel,
+        near: Fit,
+        nominal: Fit,
+        sets: Sets = (),
+        known: Known | None = None,
     ) -> tuple[Engine, Shooting, Fit, Fit]:
         """Takes the form under which the first of some sets, or the nominal, fits better.
+
+        Args:
+            segments: S segments.
+            noise: of the recordings.
+            near: a fit to these segments to begin from.
+            nominal: a fit of the nominal model to begin from.
+            sets: effects and first guesses; the nominal model where there are none.
+            known: an engine under which ``near`` is the fit of the first set already, and its likelihood.
 
         Returns:
             The precise engine; the likelihood to compare sets with; the nominal's fit; the first set's.
         """
-        for cheap in (self.coarse, self.fine, self.given):
-            first = Shooting(cheap, segments, noise)
-            rough = first.fit(sets[:1] or [((), ())], starts)[0]
-            if np.isfinite(rough.chi2):
-                break
+        first = Shooting(self.coarse, segments, noise)
+        rough = near
+        if sets and tuple(sets[0][0]) != near.effects:
+            for cheap in (self.coarse, self.fine, self.given):
+                first = Shooting(cheap, segments, noise)
+                rough = first.fit(sets[:1], near.starts, design=near.design)[0]
+                if np.isfinite(rough.chi2):
+                    break
         trials = [*sets[:1], *_without_delays(sets[:1])]
         results = []
         for engine in (self.given, self.fine):
-            working, judged = self._working(engine, first, rough)
-            others = working.fit(trials[1:], judged.starts) if len(trials) > 1 else []
+            if known is not None and engine is known[0] and rough is near:
+                working, judged = known[1], near
+            else:
+                working, judged = self._working(engine, first, rough)
+            others = working.fit(trials[1:], judged.starts, design=judged.design) if len(trials) > 1 else []
             best = min([judged, *others], key=lambda fit: fit.chi2 + _PRICE * fit.size)
             results.append((best.chi2 + _PRICE * best.size, engine, working, best))
         _, engine, working, judged = min(results, key=lambda result: result[0])
-        nominal = working.fit([((), ())], judged.starts)[0] if sets else judged
-        return engine, working, nominal, judged
+        if not sets:
+            return engine, working, judged, judged
+        return engine, working, working.fit([((), ())], nominal.starts, design=nominal.design)[0], judged
 
     def _working(self, engine: Engine, first: Shooting, rough: Fit) -> tuple[Shooting, Fit]:
         """The cheapest form that stays close to an engine, corrected by it."""
@@ -111,8 +146,11 @@ class Numerics:
         for cheap in (self.coarse, self.fine, engine):
             working = dataclasses.replace(first, engine=cheap)
             for _ in range(2):
+                before = judged.chi2
                 working = working.corrected(engine, judged)
-                judged = working.fit([(judged.effects, judged.values)], judged.starts)[0]
+                judged = working.fit([(judged.effects, judged.values)], judged.starts, design=judged.design)[0]
+                if abs(judged.chi2 - before) < _SETTLED * judged.chi2:
+                    break
             if not np.isfinite(judged.chi2):
                 judged = rough
                 continue

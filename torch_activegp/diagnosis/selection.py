@@ -104,7 +104,7 @@ def select(
     selection = Selection(nominal, [nominal], Score(shooting.samples, names, 1.0))
     if sets:
         states = nominal.starts if starts is None else starts
-        selection.fits += [f for f in shooting.fit(sets, states) if np.isfinite(f.chi2)]
+        selection.fits += [f for f in shooting.fit(sets, states, design=nominal.design) if np.isfinite(f.chi2)]
         _rescale(selection, shooting)
     expanded: set[frozenset[Effect]] = set()
     swapped: frozenset[Effect] = frozenset()
@@ -139,7 +139,7 @@ def _expand(selection: Selection, shooting: Shooting, effects: Sequence[Effect],
     known = {frozenset(f.effects) for f in selection.fits}
     fresh = [p for p in proposed if frozenset(p[0]) not in known]
     if fresh:
-        fits = shooting.fit(fresh, fit.starts, race=True)
+        fits = shooting.fit(fresh, fit.starts, race=True, design=fit.design)
         selection.fits += [f for f in fits if np.isfinite(f.chi2)]
         _rescale(selection, shooting)
 
@@ -229,7 +229,9 @@ def _simplify(selection: Selection, shooting: Shooting, effects: Sequence[Effect
     fresh = [t for t in trials if frozenset(e for e, _ in t) not in known]
     sets = [(tuple(e for e, _ in t), tuple(v for _, v in t)) for t in fresh]
     if sets:
-        selection.fits += [f for f in shooting.fit(sets, best.starts, rounds=4) if np.isfinite(f.chi2)]
+        selection.fits += [
+            f for f in shooting.fit(sets, best.starts, rounds=4, design=best.design) if np.isfinite(f.chi2)
+        ]
 
 
 def _swap(selection: Selection, shooting: Shooting, effects: Sequence[Effect]) -> None:
@@ -241,13 +243,13 @@ def _swap(selection: Selection, shooting: Shooting, effects: Sequence[Effect]) -
         smaller = by_effects.get(frozenset(others))
         if smaller is None:
             values = tuple(v for i, v in enumerate(best.values) if i != k)
-            smaller = shooting.fit([(others, values)], best.starts)[0]
+            smaller = shooting.fit([(others, values)], best.starts, design=best.design)[0]
             selection.fits.append(smaller)
         screened = screen(shooting, smaller, _allowed(effects, smaller))
         atoms = [a for a in screened.best() if a.effect is not effect]
         proposals = [_join(smaller, atoms) for _, atoms in _diverse([(a.gain, (a,)) for a in atoms])]
         fresh = [p for p in proposals[:RIVALS] if frozenset(p[0]) not in by_effects]
         if fresh:
-            fits = shooting.fit(fresh, best.starts, race=True)
+            fits = shooting.fit(fresh, best.starts, race=True, design=best.design)
             selection.fits += [f for f in fits if np.isfinite(f.chi2)]
     _rescale(selection, shooting)

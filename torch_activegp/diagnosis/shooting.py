@@ -83,6 +83,7 @@ class Shooting:
         rounds: int = 14,
         race: bool = False,
         hold: bool = False,
+        design: Array | None = None,
     ) -> list[Fit]:
         """Fits several sets of effects side by side.
 
@@ -92,9 +93,10 @@ class Shooting:
             rounds: simulations at most, one after the other.
             hold: keep the parameters as they are and fit the initial states alone.
             race: give up on sets that stay far behind the best after two steps.
+            design: derivatives by the initial states from a fit near by, :attr:`Fit.design`, which saves work.
         """
         problems = [
-            Problem(self, tuple(e), tuple(v), starts if starts.ndim == 2 else starts[i], hold)
+            Problem(self, tuple(e), tuple(v), starts if starts.ndim == 2 else starts[i], hold, design)
             for i, (e, v) in enumerate(sets)
         ]
         for number in range(rounds + 1):
