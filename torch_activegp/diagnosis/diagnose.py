@@ -27,6 +27,9 @@ from torch_activegp.diagnosis.simulator import corrected_simulator
 from torch_activegp.diagnosis.source import Source, read_source
 from torch_activegp.diagnosis.words import sentence
 
+_WORTH_LEARNING = 0.03
+"""A remainder of a smaller part of the mismatch is not modelled."""
+
 Tell = Callable[[str, float | None], None]
 
 
@@ -134,7 +137,7 @@ def _report(
 
 def _remainder(explanation: Explanation, judgement: Judgement, chosen: Fit) -> Outcome | None:
     """A Gaussian process of what is left, where something is."""
-    if judgement.verdict == "none" or judgement.white:
+    if judgement.verdict == "none" or judgement.white or judgement.unexplained < _WORTH_LEARNING:
         return None
     engine = explanation.engine
     joints, inputs = engine.channels.joints, {at: name for name, at in input_addresses(engine.model).items()}

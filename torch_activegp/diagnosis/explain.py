@@ -15,15 +15,19 @@ from torch_activegp.diagnosis.noise_floor import noise_floor
 from torch_activegp.diagnosis.noise_model import NoiseModel
 from torch_activegp.diagnosis.numerics import Numerics, Sets
 from torch_activegp.diagnosis.runs import Array
-from torch_activegp.diagnosis.segments import Segments, cut
+from torch_activegp.diagnosis.segments import Segments, cut, halve
 from torch_activegp.diagnosis.selection import Selection, select
 from torch_activegp.diagnosis.shooting import Shooting
 from torch_activegp.physics.effect import Effect
 
 SECONDS = 1.0
 PAD = 0.1
-_SHORT = 0.5
+_SHORTEST = 0.25
+_FAR = 60.0
+"""Segments are shortened for the first names until the nominal's chi2 is below so much per degree of freedom."""
 _TOO_FAR = 400.0
+"""The same for the names in the end."""
+_GROWTH = 6.0
 _ENOUGH = 1500.0
 
 
@@ -61,15 +65,18 @@ def explain(machine: Machine, effects: Sequence[Effect], nthread: int = 0, tell:
     numerics = Numerics.of(machine, nthread)
     tell("noise floor")
     noise = noise_floor(machine.fit)
-    segments, first = _longest(machine, numerics, noise)
+    segments, first = _longest(machine, numerics, noise, _FAR)
     engine, shooting, nominal, judged = numerics.choose(segments, noise, first, first)
     sets: Sets = []
     excess = nominal.chi2 - shooting.dof
     if excess > 2 * _ENOUGH and segments.size > 8:
         tell("naming on a part of the data")
         part, which = shooting.subset(max(_ENOUGH / excess, 0.2))
-        rough = part.fit([((), ())], nominal.starts[which], design=_some(nominal.design, which))[0]
+        here = nominal.pick(which)
+        rough = part.fit([((), ())], here.starts, design=here.design)[0]
         sets = _leaders(select(part, effects, rough, tell=tell))
+        if _far(nominal, segments, _FAR / 4).any():
+            segments, nominal = _longest(machine, numerics, noise, _TOO_FAR)
         engine, shooting, nominal, judged = numerics.choose(segments, noise, nominal, nominal, sets)
     tell("naming on all data")
     selection = select(shooting, effects, nominal, sets, judged.starts, tell)
@@ -88,17 +95,33 @@ def _leaders(selection: Selection) -> Sets:
     return [(fit.effects, fit.values) for fit in selection.ranked()[:3] if fit.effects]
 
 
-def _longest(machine: Machine, numerics: Numerics, noise: NoiseModel) -> tuple[Segments, Fit]:
-    """The longest segments over which the nominal stays close enough for a linearisation to mean something."""
-    engine = numerics.given
-    for seconds in (SECONDS, _SHORT, _SHORT / 2):
-        segments = cut(machine.fit, seconds, PAD)
-        shooting = Shooting(engine, segments, noise)
-        nominal = shooting.fit([((), ())], engine.starts(segments), rounds=4)[0]
-        if nominal.chi2 < _TOO_FAR * shooting.dof:
-            break
-    return segments, nominal
+def _longest(machine: Machine, numerics: Numerics, noise: NoiseModel, too_far: float) -> tuple[Segments, Fit]:
+    """The longest segments over which the nominal stays close enough for a linearisation to mean something.
+
+    A segment is halved where the nominal is too far from it, or where a small error of the initial state grows much.
+    """
+    segments = cut(machine.fit, SECONDS, PAD)
+    while True:
+        shooting = Shooting(numerics.given, segments, noise)
+        given = shooting.fit([((), ())], shooting.engine.starts(segments), rounds=6)[0]
+        shooting = dataclasses.replace(shooting, engine=numerics.fine)
+        fine = shooting.fit([((), ())], given.starts, rounds=6, design=given.design)[0]
+        best = min(given, fine, key=lambda fit: fit.chi2)
+        bad = _far(best, segments, too_far) | (_growth(best, segments, noise) > _GROWTH)
+        long = segments.dt[:, 0] * np.diff(segments.scored, axis=1)[:, 0] > 1.5 * _SHORTEST
+        if not (bad & long).any():
+            return segments, best
+        segments = halve(segments, bad & long)
 
 
-def _some(design: Array | None, which: NDArray[np.int64]) -> Array | None:
-    return None if design is None else design[which]
+def _far(fit: Fit, segments: Segments, much: float) -> NDArray[np.bool_]:
+    samples = np.maximum(segments.counts.sum(axis=1) * segments.position.shape[-1], 1)
+    return np.asarray(fit.per_segment > much * samples)
+
+
+def _growth(fit: Fit, segments: Segments, noise: NoiseModel) -> Array:
+    """How much an error of an initial position grows within each segment, ``(S,)``."""
+    assert fit.design is not None
+    size, channels = segments.size, len(noise.scale)
+    moved = fit.design.reshape(size, -1, channels, fit.design.shape[-1])[..., : fit.starts.shape[1] // 2]
+    return np.asarray(np.abs(moved * noise.innovation[:, None]).max(axis=(1, 2, 3)))

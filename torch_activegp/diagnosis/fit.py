@@ -5,6 +5,7 @@ from __future__ import annotations
 import dataclasses
 
 import numpy as np
+from numpy.typing import NDArray
 
 from torch_activegp.diagnosis.engine import Candidate
 from torch_activegp.diagnosis.runs import Array
@@ -49,6 +50,18 @@ class Fit:
     def keys(self) -> frozenset[tuple[str, str]]:
         """Names and targets."""
         return frozenset(effect.key for effect in self.effects)
+
+    def pick(self, which: NDArray[np.int64]) -> Fit:
+        """What it is on some of the segments."""
+        per_segment = self.per_segment[which]
+        return dataclasses.replace(
+            self,
+            starts=self.starts[which],
+            chi2=float(per_segment.sum()),
+            per_segment=per_segment,
+            scores=self.scores[which],
+            design=None if self.design is None else self.design[which],
+        )
 
     def steps(self) -> Array:
         """Scales of the parameters, ``(P,)``."""

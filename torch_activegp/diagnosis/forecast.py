@@ -30,21 +30,21 @@ def one_step(engine: Engine, candidate: Candidate, run: Run) -> Array:
     return np.asarray(errors[segments.counts.any(axis=1)])
 
 
-def free_run(engine: Engine, candidate: Candidate, run: Run, noise: NoiseModel) -> tuple[Array, Array]:
-    """Positions of a whole run from one initial state, fitted to the first second and then to all of it.
+def free_run(engine: Engine, candidate: Candidate, runs: Sequence[Run], noise: NoiseModel) -> list[tuple[Array, Array]]:
+    """Positions of whole runs, each from one initial state, fitted to the first second and then to all of it.
 
     Returns:
-        Positions ``(K + 1, C)``, rad or m, and the initial state, ``(nq + nv,)``.
+        For each run, positions ``(K + 1, C)``, rad or m, and the initial state, ``(nq + nv,)``.
     """
-    whole = cut([run], 1e9, 0.0)
-    start = engine.starts(whole)
-    head = cut([run], _FIRST, 0.0).pick(np.array([0]))
-    begun = Shooting(engine, head, noise).fit([(candidate.effects, candidate.values)], start, hold=True)[0].starts
-    full = Shooting(engine, whole, noise)
-    fits = [full.fit([(candidate.effects, candidate.values)], s, hold=True)[0] for s in (begun, start)]
-    best = min(fits, key=lambda fit: fit.chi2)
-    predicted, _ = engine.predict(whole, best.starts[None], [candidate])
-    return predicted[0, 0], best.starts[0]
+    whole, pieces = cut(runs, 1e9, 0.0), cut(runs, _FIRST, 0.0)
+    start, model = engine.starts(whole), (candidate.effects, candidate.values)
+    heads = pieces.pick(np.flatnonzero(pieces.first == 0))
+    begun = Shooting(engine, heads, noise).fit([model], start, hold=True)[0].starts
+    fits = Shooting(engine, whole, noise).fit([model, model], np.stack([begun, start]), hold=True)
+    first = fits[0].per_segment <= fits[1].per_segment
+    starts = np.where(first[:, None], fits[0].starts, fits[1].starts)
+    predicted, _ = engine.predict(whole, starts[None], [candidate])
+    return [(predicted[0, i, : len(run)], starts[i]) for i, run in enumerate(runs)]
 
 
 def compare(
@@ -65,10 +65,11 @@ def compare(
     traces: list[dict[str, Any]] = []
     sums: dict[tuple[str, str], list[float]] = {}
     units = next(iter(models.values()))[0].channels.units
-    for run in runs:
+    free = {name: free_run(engine, candidate, runs, noise) for name, (engine, candidate) in models.items()}
+    for number, run in enumerate(runs):
         spread = np.maximum(run.position[run.recorded].std(axis=0), 1e-12)
         steps = {name: one_step(engine, candidate, run) for name, (engine, candidate) in models.items()}
-        frees = {name: free_run(engine, candidate, run, noise) for name, (engine, candidate) in models.items()}
+        frees = {name: some[number] for name, some in free.items()}
         for c, joint in enumerate(joints):
             entry: dict[str, Any] = {"run": run.label, "channel": f"qpos.{joint}", "one_step": {}, "free_run": {}}
             for name in models:

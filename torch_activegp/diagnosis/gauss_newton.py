@@ -19,6 +19,8 @@ _RACERS = 3
 _MUCH = 0.02
 _LITTLE = 0.05
 _HOPE = 0.01
+_FAILED = 1e30
+"""Stands for the chi2 of a segment whose simulation failed."""
 
 
 class Likelihood(Protocol):
@@ -36,6 +38,11 @@ def give_up(problems: Sequence[Problem]) -> None:
     for problem in order[_RACERS:]:
         if problem.chi2 > best + max(60.0, 0.1 * (worst - best)):
             problem.finished = True
+
+
+def _total(per_segment: Array) -> float:
+    total = float(per_segment.sum())
+    return total if total < _FAILED else np.inf
 
 
 class Problem:
@@ -69,6 +76,7 @@ class Problem:
         self._residual = np.zeros(0)
         self._predicted = 0.0
         self._age = 0 if design is None else 1
+        self._stale = design is not None
         self._hold = hold
         self._lengths = [len(e.parameters) for e in effects]
 
@@ -105,9 +113,8 @@ class Problem:
     def tell(self, white: Array, last: bool) -> None:
         """Takes the whitened residuals of what was asked for and makes the next trial."""
         residual = white[0]
-        per_segment = (residual**2).sum(-1)
-        chi2 = float(per_segment.sum())
-        chi2 = chi2 if np.isfinite(chi2) else np.inf
+        per_segment = np.nan_to_num((residual**2).sum(-1), nan=_FAILED, posinf=_FAILED)
+        chi2 = _total(per_segment)
         if self._best is not None and len(white) == 1 and (self._hold or not len(self._trial)):
             self._each_for_itself(residual, per_segment, last)
             return
@@ -144,15 +151,20 @@ class Problem:
         level = np.where(better, per_segment, old)
         self._residual = np.where(better[:, None], np.nan_to_num(residual), self._residual)
         fell = float((old - level).sum())
-        self._best = {"chi2": float(level.sum()), "flat": self._trial, "starts": starts, "per_segment": level}
+        self._best = {"chi2": _total(level), "flat": self._trial, "starts": starts, "per_segment": level}
         self._linear = eliminate(self._design, self._columns, self._residual)
         self._brake = np.where(better, np.minimum(2.0 * self._brake, 1.0), 0.3 * self._brake)
         self._age += 1
         big = fell > _MUCH * self.chi2
+        misled = self._stale and bool((~better & (self._brake < 1.0)).any())
         self.finished = last or (fell < 1e-4 * self.chi2 + _LITTLE and bool((self._brake < 0.05)[~better].all()))
-        if big and self._age >= 2 and not last:
+        if last:
+            return
+        if misled or (big and self._age >= 2):
             self._trial_starts = starts
             self._design = self._columns = None
+            self._brake[:] = 1.0
+            self.finished = False
         elif not self.finished:
             self._propose()
 
@@ -161,7 +173,7 @@ class Problem:
         if self._design is None:
             moved = -(white[1 : 1 + n] - residual) / self._state_steps[:, None, None]
             self._design = np.nan_to_num(moved).transpose(1, 2, 0)
-            self._age = 0
+            self._age, self._stale = 0, False
         self._columns = np.nan_to_num(-(white[1 + n :] - residual) / self._steps[:, None, None]).transpose(1, 2, 0)
 
     def _worse(self, last: bool) -> None:

@@ -151,8 +151,7 @@ def _split(shooting: Shooting, selection: Selection) -> tuple[list[Effect], tupl
     others = [e for e in best.effects if not e.tunable]
     if not tunable or not others:
         return list(best.effects), ()
-    values = tuple(v for e, v in zip(best.effects, best.values, strict=True) if e.tunable)
-    alone = shooting.fit([(tuple(tunable), values)], best.starts, design=best.design)[0]
+    alone = _fitted(shooting, selection, tunable, dict(zip(best.effects, best.values, strict=True)))
     if nominal.chi2 - alone.chi2 < HIDDEN_SHARE * (nominal.chi2 - best.chi2):
         return others, tuple(tunable)
     return list(best.effects), ()
@@ -173,13 +172,21 @@ def _shares(
         if len(left) == 1:
             fits = [best]
         else:
-            sets = [(tuple([*always, *order, e]), tuple(values[x] for x in [*always, *order, e])) for e in left]
-            fits = shooting.fit(sets, best.starts, design=best.design)
+            fits = [_fitted(shooting, selection, [*always, *order, e], values) for e in left]
         first = min(range(len(left)), key=lambda i: fits[i].chi2)
         order.append(left[first])
         shares.append(float(np.clip((level - fits[first].chi2) / total, 0.0, 1.0)) * explained)
         level = min(level, fits[first].chi2)
     return tuple(order), tuple(shares)
+
+
+def _fitted(shooting: Shooting, selection: Selection, effects: Sequence[Effect], values: dict[Effect, Array]) -> Fit:
+    """The fit of a set, which may have been compared already."""
+    known = [fit for fit in selection.fits if frozenset(fit.effects) == frozenset(effects)]
+    if known:
+        return min(known, key=lambda fit: fit.chi2)
+    start = (tuple(effects), tuple(values[effect] for effect in effects))
+    return shooting.fit([start], selection.best.starts, design=selection.best.design)[0]
 
 
 def _probability(rivals: Sequence[tuple[Fit, float, float]], effect: Effect) -> float:

@@ -62,7 +62,7 @@ class Linearization:
 
 def linearize(shooting: Shooting, fit: Fit) -> Linearization:
     """Finite differences over single intervals, all of them side by side."""
-    engine, segments = shooting.engine, shooting.segments
+    engine, segments = shooting.differences, shooting.segments
     model, channels = engine.model, engine.channels
     states = engine.trajectories(segments, fit.starts, fit.candidate)
     size, intervals = segments.size, segments.intervals
@@ -114,4 +114,5 @@ def _single(segments: Segments) -> Segments:
         np.zeros((size * intervals, 2, segments.position.shape[-1])),
         np.zeros((size * intervals, 2), dtype=bool),
         segments.dt.reshape(-1, 1),
+        np.stack([first.ravel(), first.ravel() + 1], axis=1),
     )

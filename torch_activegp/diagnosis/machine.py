@@ -9,7 +9,7 @@ import mujoco
 import numpy as np
 
 from torch_activegp.data import Recording
-from torch_activegp.diagnosis.runs import Channels, Run, input_addresses, make_run
+from torch_activegp.diagnosis.runs import MIN_ROWS, Channels, Run, input_addresses, make_run
 from torch_activegp.errors import DataError
 
 _SHARE = 0.2
@@ -51,6 +51,7 @@ def make_machine(model: mujoco.MjModel, recordings: Sequence[Recording], holdout
         raise DataError("no recording to fit. Give at least one run of the machine.")
     channels = Channels.of(model, [*recordings, *holdout])
     notes: list[str] = []
+    recordings, holdout = _long_enough(recordings, notes), _long_enough(holdout, notes)
     inputs = input_addresses(model)
     for recording in [*recordings, *holdout]:
         notes += [f"{recording.label}: {note}" for note in recording.notes]
@@ -64,6 +65,19 @@ def make_machine(model: mujoco.MjModel, recordings: Sequence[Recording], holdout
         fit, kept, note = _set_aside(fit)
         notes.append(note)
     return Machine(model, channels, tuple(fit), tuple(kept), tuple(dict.fromkeys(notes)))
+
+
+def _long_enough(recordings: Sequence[Recording], notes: list[str]) -> list[Recording]:
+    """Leaves out what a gap has cut off, where the rest of its file is long enough."""
+    files = {recording.source for recording in recordings if len(recording) >= MIN_ROWS}
+    kept = []
+    for recording in recordings:
+        if len(recording) >= MIN_ROWS or recording.source is None or recording.source not in files:
+            kept.append(recording)
+        else:
+            notes += [f"{recording.label}: {note}" for note in recording.notes]
+            notes.append(f"{recording.label}: left out, a part of {len(recording)} rows is too short.")
+    return kept
 
 
 def _refuse_constant(runs: Sequence[Run], channels: Channels) -> None:

@@ -89,10 +89,11 @@ class Numerics:
         step = float(np.median(np.concatenate([run.dt for run in machine.fit])))
         few = max(int(np.ceil(step / _STEP - 1e-6)), 1)
         plain, stiff = substeps_for(model, machine.fit), _stiff(machine)
+        stride = 1 if stiff else max(int(_STEP / step + 1e-6), 1)
         return cls(
             Engine(model, channels, plain, nthread),
             Engine(model, channels, max(few, plain) if stiff else few, nthread, _RUNGE_KUTTA),
-            Engine(model, channels, plain if stiff else min(few, plain), nthread, _cheap(model)),
+            Engine(model, channels, plain if stiff else min(few, plain), nthread, _cheap(model), stride=stride),
         )
 
     def choose(
@@ -144,7 +145,7 @@ class Numerics:
         """The cheapest form that stays close to an engine, corrected by it."""
         judged = rough
         for cheap in (self.coarse, self.fine, engine):
-            working = dataclasses.replace(first, engine=cheap)
+            working = dataclasses.replace(first, engine=cheap, cheap=self.coarse)
             for _ in range(2):
                 before = judged.chi2
                 working = working.corrected(engine, judged)
@@ -154,6 +155,15 @@ class Numerics:
             if not np.isfinite(judged.chi2):
                 judged = rough
                 continue
-            if working.offset is None or np.abs(working.offset / first.noise.scale).max() < _CLOSE:
+            if working.offset is None or _unabsorbed(working, judged) < _CLOSE:
                 break
         return working, judged
+
+
+def _unabsorbed(shooting: Shooting, fit: Fit) -> float:
+    """The largest part of the offset that no change of the initial states makes, in units of the noise."""
+    assert shooting.offset is not None
+    assert fit.design is not None
+    offset = np.nan_to_num(shooting.noise.whiten(shooting.segments, shooting.offset))
+    basis, _ = np.linalg.qr(fit.design)
+    return float(np.abs(offset - np.einsum("smn,sn->sm", basis, np.einsum("smn,sm->sn", basis, offset))).max())

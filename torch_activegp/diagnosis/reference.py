@@ -22,7 +22,7 @@ def free_force_columns(shooting: Shooting, fit: Fit, seconds: float = _BIN) -> t
         Residuals ``(S, K + 1, C)``, derivatives by states ``(S, K + 1, C, n)`` and by forces ``(S, K + 1, C, B)``, all
         in rad or m, not whitened.
     """
-    segments, engine = shooting.segments, shooting.engine
+    segments, engine = shooting.segments, shooting.differences
     sizes = shooting.state_columns(fit.starts)
     n, base = len(sizes), fit.candidate
     bins = max(round(float(segments.dt.sum(1).mean()) / seconds), 1)
@@ -40,4 +40,5 @@ def free_force_columns(shooting: Shooting, fit: Fit, seconds: float = _BIN) -> t
     predicted = np.nan_to_num(engine.predict(segments, starts, candidates)[0])
     moved = np.moveaxis(predicted[1:] - predicted[0], 0, -1)
     measured = segments.position if shooting.offset is None else segments.position - shooting.offset
-    return measured - predicted[0], moved[..., :n] / sizes, moved[..., n:]
+    exact, _ = shooting.engine.predict(segments, fit.starts[None], [base])
+    return measured - np.nan_to_num(exact[0]), moved[..., :n] / sizes, moved[..., n:]

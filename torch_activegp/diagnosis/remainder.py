@@ -113,7 +113,8 @@ def _controls(shooting: Shooting, fit: Fit) -> Array:
     base = fit.candidate
     engine.trajectories(segments, fit.starts, Candidate((*base.effects, listener), (*base.values, np.zeros(0))))
     heard = np.stack(listener.heard)  # type: ignore[attr-defined]
-    return heard.reshape(segments.intervals, engine.substeps, segments.size, -1).mean(1).transpose(1, 0, 2)
+    steps = heard.reshape(-1, engine.substeps, segments.size, heard.shape[-1]).mean(1)
+    return np.repeat(steps, engine.stride, axis=0)[: segments.intervals].transpose(1, 0, 2)
 
 
 def _bins(shooting: Shooting, fit: Fit) -> Bins:

@@ -92,7 +92,7 @@ class Run:
         recorded: whether a row was recorded, ``(K + 1,)``.
         velocity: slopes of local polynomials, ``(K + 1, C)``, rad/s or m/s.
         smooth: positions freed of noise along these slopes, ``(K + 1, C)``.
-        control: held from each row to the next, ``(K, nu)``.
+        control: held from each row to the next, within the actuators' limits, ``(K, nu)``.
         force: known external generalised force, ``(K, nv)``.
         noise: white-noise floor of each channel from differences, ``(C,)``.
     """
@@ -136,6 +136,8 @@ def make_run(recording: Recording, model: mujoco.MjModel, channels: Channels) ->
     control = np.zeros((len(time), model.nu))
     for name in recording.actuators:
         control[:, inputs[name]] = recording[f"ctrl.{name}"].numpy()
+    limited = model.actuator_ctrllimited[: model.nu].astype(bool)
+    control[:, limited] = np.clip(control[:, limited], *model.actuator_ctrlrange[: model.nu][limited].T)
     force = np.zeros((len(time), model.nv))
     for column in recording.columns:
         if column.startswith("qfrc."):

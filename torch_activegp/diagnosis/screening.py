@@ -154,7 +154,7 @@ def _columns(
         base = fit.candidate
         more = [Candidate((*base.effects, wanted[i][0]), (*base.values, wanted[i][1])) for i in simulated]
         starts = np.repeat(fit.starts[None], 1 + len(more), axis=0)
-        predicted, _ = shooting.engine.predict(shooting.segments, starts, [base, *more])
+        predicted, _ = shooting.differences.predict(shooting.segments, starts, [base, *more])
         out[..., simulated] = np.moveaxis(predicted[1:] - predicted[0], 0, -1)
     return plan, out
 
@@ -220,7 +220,7 @@ def _parameter_columns(shooting: Shooting, fit: Fit) -> Array:
             moved[k][i] += step
             moves.append(Candidate(fit.effects, tuple(moved)))
     starts = np.repeat(fit.starts[None], 1 + len(moves), axis=0)
-    predicted, _ = shooting.engine.predict(shooting.segments, starts, [fit.candidate, *moves])
+    predicted, _ = shooting.differences.predict(shooting.segments, starts, [fit.candidate, *moves])
     return np.moveaxis(predicted[1:] - predicted[0], 0, -1)
 
 

@@ -11,6 +11,8 @@ from numpy.typing import NDArray
 
 from torch_activegp.diagnosis.runs import Array, Run
 
+_LEAST = 12
+
 
 @dataclasses.dataclass(frozen=True)
 class Segments:
@@ -24,6 +26,7 @@ class Segments:
         counts: whether a recorded position enters the likelihood, ``(S, K + 1)``: not before the first scored row, not
             where no row was recorded, not past the end of a run.
         dt: ``(S, K)``, s.
+        scored: first scored row and the row at the end, ``(S, 2)``.
     """
 
     runs: tuple[Run, ...]
@@ -32,6 +35,7 @@ class Segments:
     position: Array
     counts: NDArray[np.bool_]
     dt: Array
+    scored: NDArray[np.int64]
 
     @property
     def size(self) -> int:
@@ -60,7 +64,7 @@ class Segments:
 
     def pick(self, which: NDArray[np.int64]) -> Segments:
         """Some of the segments."""
-        names = ("run", "first", "position", "counts", "dt")
+        names = ("run", "first", "position", "counts", "dt", "scored")
         return dataclasses.replace(self, **{name: getattr(self, name)[which] for name in names})
 
     def centers(self) -> Array:
@@ -86,6 +90,26 @@ def cut(runs: Sequence[Run], seconds: float, pad: float) -> Segments:
         count = min(max(round(scored * step / seconds), 1), scored)
         edges = np.linspace(before, rows, count + 1).round().astype(int)
         pieces += [(number, a - before, a, b) for a, b in itertools.pairwise(edges.tolist())]
+    return _lay(runs, pieces)
+
+
+def halve(segments: Segments, which: NDArray[np.bool_]) -> Segments:
+    """Cuts some segments in two where they are long enough; the rest stay as they are.
+
+    Args:
+        segments: S segments.
+        which: those to cut, ``(S,)``.
+    """
+    pieces: list[tuple[int, int, int, int]] = []
+    for number, first, (a, b), cut_it in zip(segments.run, segments.first, segments.scored, which, strict=True):
+        middle = (a + b) // 2
+        parts = [(a, middle), (middle, b)] if cut_it and b - a >= 2 * _LEAST else [(a, b)]
+        pieces += [(int(number), int(c - (a - first)), int(c), int(d)) for c, d in parts]
+    return _lay(segments.runs, pieces)
+
+
+def _lay(runs: Sequence[Run], pieces: Sequence[tuple[int, int, int, int]]) -> Segments:
+    """Segments from run, first simulated row, first scored row and row at the end."""
     length = max(b - start for _, start, _, b in pieces)
     channels = runs[0].position.shape[1]
     position = np.zeros((len(pieces), length + 1, channels))
@@ -100,11 +124,5 @@ def cut(runs: Sequence[Run], seconds: float, pad: float) -> Segments:
         counts[s, a - start : last - start] = run.recorded[a:last]
         dt[s, : b - start] = run.dt[start:b]
         dt[s, b - start :] = run.dt[b - 1]
-    return Segments(
-        tuple(runs),
-        np.array([p[0] for p in pieces]),
-        np.array([p[1] for p in pieces]),
-        position,
-        counts,
-        dt,
-    )
+    table = np.array(pieces, dtype=np.int64)
+    return Segments(tuple(runs), table[:, 0], table[:, 1], position, counts, dt, table[:, 2:])

@@ -19,6 +19,8 @@ PROPOSALS = 6
 RIVALS = 4
 SWAPS = 2
 HOPELESS = 0.5
+ALIKE = 0.6
+"""To stand in for an effect, another one must gain so much of what it gains, to first order."""
 MAX_EFFECTS = 4
 MATERIAL = 0.006
 """An effect that explains less of the mismatch than this is not named: simulators differ by that much."""
@@ -131,6 +133,9 @@ def select(
 
 
 _SLACK = 8.0
+_PLENTY = 400.0
+_PART = 0.2
+_CLOSE = 40.0
 
 
 def _expand(selection: Selection, shooting: Shooting, effects: Sequence[Effect], fit: Fit) -> None:
@@ -234,6 +239,11 @@ def _simplify(selection: Selection, shooting: Shooting, effects: Sequence[Effect
         ]
 
 
+def _same_or_more(effect: Effect, than: Effect) -> bool:
+    """Whether an effect is another one or contains it: it was tried on top already."""
+    return effect is than or (effect.target == than.target and than.name in effect.covers)
+
+
 def _swap(selection: Selection, shooting: Shooting, effects: Sequence[Effect]) -> None:
     """Tries other effects in place of each effect of the best set: rivals, and the way out of a false start."""
     best = selection.best
@@ -245,10 +255,18 @@ def _swap(selection: Selection, shooting: Shooting, effects: Sequence[Effect]) -
             values = tuple(v for i, v in enumerate(best.values) if i != k)
             smaller = shooting.fit([(others, values)], best.starts, design=best.design)[0]
             selection.fits.append(smaller)
-        screened = screen(shooting, smaller, _allowed(effects, smaller))
-        atoms = [a for a in screened.best() if a.effect is not effect]
+        share = min(max(_PLENTY / max(smaller.chi2 - best.chi2, 1.0), _PART), 1.0)
+        part, which = shooting.subset(share)
+        screened = screen(part, smaller.pick(which), _allowed(effects, smaller))
+        least = ALIKE * max((a.gain for a in screened.atoms if a.effect.key == effect.key), default=0.0)
+        atoms = [a for a in screened.best() if a.gain >= least and not _same_or_more(a.effect, effect)]
         proposals = [_join(smaller, atoms) for _, atoms in _diverse([(a.gain, (a,)) for a in atoms])]
         fresh = [p for p in proposals[:RIVALS] if frozenset(p[0]) not in by_effects]
+        if fresh and share < 1.0:
+            here = best.pick(which)
+            trials = part.fit(fresh, here.starts, race=True, design=here.design)
+            close = here.chi2 + _CLOSE * selection.score.scale
+            fresh = [(f.effects, f.values) for f in trials if f.chi2 < close]
         if fresh:
             fits = shooting.fit(fresh, best.starts, race=True, design=best.design)
             selection.fits += [f for f in fits if np.isfinite(f.chi2)]

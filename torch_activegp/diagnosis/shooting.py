@@ -26,12 +26,19 @@ class Shooting:
         segments: S segments.
         noise: whitens.
         offset: what is added to its positions, ``(S, K + 1, C)``; see :meth:`corrected`.
+        cheap: simulates where only differences between simulations count; the engine itself where there is none.
     """
 
     engine: Engine
     segments: Segments
     noise: NoiseModel
     offset: Array | None = None
+    cheap: Engine | None = None
+
+    @property
+    def differences(self) -> Engine:
+        """The engine for differences between simulations."""
+        return self.cheap or self.engine
 
     @property
     def samples(self) -> int:

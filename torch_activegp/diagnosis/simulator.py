@@ -110,6 +110,7 @@ class EffectSimulator(Simulator):
             np.zeros((size, count + 1, len(zeros))),
             np.ones((size, count + 1), dtype=bool),
             np.full((size, count), self.dt),
+            np.tile(np.array([0, count]), (size, 1)),
         )
 
 
