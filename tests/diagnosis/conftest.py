@@ -8,6 +8,8 @@ from collections.abc import Callable
 import mujoco
 import numpy as np
 import pytest
+import torch
+from scipy.integrate import solve_ivp
 
 from torch_activegp.data import Recording
 from torch_activegp.diagnosis import Diagnosis, diagnose
@@ -20,6 +22,7 @@ from torch_activegp.diagnosis.runs import Channels, Run
 from torch_activegp.diagnosis.segments import Segments, cut
 from torch_activegp.diagnosis.shooting import Shooting
 from torch_activegp.physics import Effect
+from torch_activegp.simulators import ActionSpace, OdeSimulator, StateSpace
 
 XML = """
 <mujoco model="pendulum"><option timestep="0.005" integrator="RK4"/><worldbody>
@@ -171,3 +174,50 @@ def make_plain_run() -> Callable[..., Run]:
         )
 
     return make
+
+
+class Black:
+    """A pendulum in torch, and recordings of a truth that scipy integrates: theta'' = -9 sin theta + 2 u + law."""
+
+    rate = 50
+    noise = 1e-3
+    damping = 0.25
+    stiffness = 1.5
+
+    def law(self, kind: str, q: float, v: float) -> float:
+        laws = {
+            "none": 0.0,
+            "viscous spring": -self.damping * v - self.stiffness * q,
+            "unlisted": 1.5 * np.sin(3 * q) * np.cos(2 * v),
+        }
+        return float(laws[kind])
+
+    def simulator(self, dt: float = 1 / rate) -> OdeSimulator:
+        def rates(x: torch.Tensor, u: torch.Tensor) -> torch.Tensor:
+            return torch.cat((x[..., 1:], 2.0 * u - 9.0 * torch.sin(x[..., :1])), -1)
+
+        states = StateSpace(["theta", "speed"], [-np.pi, -20.0], [np.pi, 20.0], angles=[0])
+        return OdeSimulator(rates, states, ActionSpace(["motor"], -5.0, 5.0), dt)
+
+    def record(self, kind: str, seed: int, seconds: float = 4.0) -> Recording:
+        rng = np.random.default_rng(seed)
+        time = np.arange(round(seconds * self.rate) + 1) / self.rate
+        frequency, phase = rng.uniform(0.2, 1.2, 3), rng.uniform(0, 2 * np.pi, 3)
+        control = np.sin(2 * np.pi * frequency * time[:, None] + phase).sum(axis=1)
+        x, angles = np.array([rng.normal(0.0, 0.5), 0.0]), []
+        for u in control:
+            angles.append(x[0])
+
+            def slope(_: float, s: np.ndarray, u: float = u) -> list[float]:
+                return [s[1], -9.0 * np.sin(s[0]) + 2.0 * u + self.law(kind, s[0], s[1])]
+
+            x = solve_ivp(slope, (0.0, 1 / self.rate), x, rtol=1e-8, atol=1e-10).y[:, -1]
+        theta = np.array(angles) + self.noise * rng.normal(size=len(time))
+        wrapped = (theta + np.pi) % (2 * np.pi) - np.pi
+        return Recording.from_columns(f"run{seed}", {"time": time, "qpos.theta": wrapped, "ctrl.motor": control})
+
+
+@pytest.fixture(scope="session")
+def black() -> Black:
+    """A simulator that only returns its next state, with recordings."""
+    return Black()

@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from typing import Any
 
 import numpy as np
 import pytest
 
 from torch_activegp.data import Recording
 from torch_activegp.diagnosis import evaluate
-from torch_activegp.errors import ConfigurationError, DataError
+from torch_activegp.errors import DataError
 from torch_activegp.simulators import Pendulum
 
 Record = Callable[..., Recording]
@@ -45,8 +46,15 @@ def test_no_recording_is_refused() -> None:
         evaluate(model_text(), [])
 
 
-def test_a_simulator_that_is_no_mujoco_model_is_refused(record: Record) -> None:
-    with pytest.raises(ConfigurationError, match="MJCF wanted, found a Pendulum"):
+def test_a_simulator_in_torch_is_evaluated(black: Any) -> None:
+    right = evaluate(black.simulator(), [black.record("none", 3)])
+    wrong = evaluate(black.simulator(), [black.record("viscous spring", 3)])
+    assert right["free_run"]["error"] < 1.2 * right["free_run"]["noise"]
+    assert wrong["free_run"]["error"] > 10 * wrong["free_run"]["noise"]
+
+
+def test_a_recording_of_other_joints_is_refused_for_a_simulator_in_torch(record: Record) -> None:
+    with pytest.raises(DataError, match="the model has no joint `hip`; its joints are theta"):
         evaluate(Pendulum(), [record()])
 
 

@@ -41,6 +41,14 @@ def test_the_model_of_a_simulator_is_read(bench) -> None:
     assert read_source(MujocoSimulator(bench.xml)).model.joint(0).name == "hip"
 
 
+def test_a_simulator_in_torch_is_a_black_box(black) -> None:
+    simulator = black.simulator()
+    source = read_source(simulator)
+    assert (source.name, source.path, source.spec) == ("OdeSimulator", "a OdeSimulator", None)
+    assert source.box.simulator is simulator
+    assert source.model is source.box.model
+
+
 @pytest.mark.parametrize("other", ["two joints", "another name"])
 def test_a_model_that_was_not_loaded_last_is_refused(bench, other) -> None:
     model = mujoco.MjModel.from_xml_string(bench.xml)
@@ -54,7 +62,7 @@ def test_a_model_that_was_not_loaded_last_is_refused(bench, other) -> None:
 @pytest.mark.parametrize(
     ("model", "words"),
     [
-        (3.0, "MujocoSimulator wanted, found a float"),
+        (3.0, "or a Simulator wanted, found a float"),
         ("none.xml", "no file `none.xml`"),
         ("<mujoco><x/></mujoco>", "x"),
     ],

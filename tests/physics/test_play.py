@@ -72,7 +72,7 @@ def test_backlash_needs_motors_and_nothing_else(bench: Any) -> None:
     assert not Backlash.fits(bench.shoulder, bare)
     limited = bench.xml.replace('gear="2"', 'gear="-2" gainprm="3" forcerange="-1 1"').replace("<motor", "<general")
     effect = Backlash.at(bench.shoulder, mujoco.MjModel.from_xml_string(limited))
-    assert effect.drives == ((0, -6.0, 2.0),)
+    assert effect.drives == ((0, -6.0, 0.0, 2.0),)
     assert effect.rotor == effect.armature == 0.02
     light = Backlash.at(JOINT, mujoco.MjModel.from_xml_string(nominal(0.001, armature=0)))
     assert light.armature == 0.0

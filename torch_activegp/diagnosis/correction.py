@@ -13,23 +13,30 @@ from torch_activegp.physics.effect import Effect
 
 
 def corrected_xml(
-    spec: mujoco.MjSpec, effects: Sequence[Effect], values: Sequence[Array], numerics: tuple[int, float] | None
-) -> tuple[str | None, list[bool], str | None]:
+    spec: mujoco.MjSpec | None,
+    effects: Sequence[Effect],
+    values: Sequence[Array],
+    numerics: tuple[int, float] | None,
+) -> tuple[str | None, list[bool | None], str | None]:
     """Writes effects into a model.
 
     Args:
-        spec: the nominal model; it is left as it is.
+        spec: the nominal model; it is left as it is. None for a simulator that is none in MJCF.
         effects: what to write.
         values: their parameters.
         numerics: integrator and time step that the fit used, where they are not the model's own.
 
     Returns:
-        The MJCF text, or None if no effect could be written; whether each effect is in it; the unified difference from
-        the nominal.
+        The MJCF text, or None if no effect could be written; whether each effect is in it, None without a nominal; the
+        unified difference from the nominal.
     """
+    if spec is None:
+        return None, [None] * len(effects), None
     before = spec.to_xml()
     edited = spec.copy()
-    held = [effect.write(edited, np.asarray(value)) for effect, value in zip(effects, values, strict=True)]
+    held: list[bool | None] = [
+        effect.write(edited, np.asarray(value)) for effect, value in zip(effects, values, strict=True)
+    ]
     if effects and not any(held):
         return None, held, None
     if numerics is not None:

@@ -8,6 +8,8 @@ from typing import Any
 import numpy as np
 
 from torch_activegp.data import Recording
+from torch_activegp.diagnosis.blackbox import accelerations
+from torch_activegp.diagnosis.blackbox_simulator import simulator_with
 from torch_activegp.diagnosis.correction import corrected_xml
 from torch_activegp.diagnosis.engine import NOMINAL
 from torch_activegp.diagnosis.evidence import laws, map_region, map_time
@@ -23,7 +25,6 @@ from torch_activegp.diagnosis.places import effects_for
 from torch_activegp.diagnosis.remainder import Outcome, model_remainder
 from torch_activegp.diagnosis.result import Diagnosis, NamedEffect
 from torch_activegp.diagnosis.runs import input_addresses
-from torch_activegp.diagnosis.simulator import corrected_simulator
 from torch_activegp.diagnosis.source import Source, read_source
 from torch_activegp.diagnosis.words import sentence
 
@@ -45,7 +46,8 @@ def diagnose(
     """Says where and why a simulator and recordings differ, and corrects the simulator.
 
     Args:
-        model: path of an MJCF file, MJCF text, an ``MjSpec``, an ``MjModel`` or a `MujocoSimulator`.
+        model: path of an MJCF file, MJCF text, an ``MjSpec``, an ``MjModel``, a `MujocoSimulator`, or any other
+            `Simulator` whose state is positions and their velocities; then effects act as accelerations.
         recordings: runs for fitting and selection.
         holdout: runs that are only forecast; without any, whole runs are set aside, and the notes say which.
         seed: of the controls proposed for the next experiment; nothing else is random.
@@ -57,13 +59,16 @@ def diagnose(
 
     Raises:
         DataError: a recording does not fit the model.
-        ConfigurationError: a model that does not compile or cannot be simulated in batches.
+        ConfigurationError: a model that does not compile or cannot be simulated in batches, or whose state is another.
+        SimulationError: a simulator fails, or returns something else than next states.
     """
     say = tell or (lambda words, done: None)
     say("reading", 0.0)
     source = read_source(model)
-    machine = make_machine(source.model, recordings, holdout)
+    machine = make_machine(source.model, recordings, holdout, source.box)
     effects = effects_for(machine.model, machine.channels, machine.fit)
+    if source.box is not None:
+        effects = accelerations(effects)
     explanation = explain(machine, effects, nthread, lambda words: say(words, None))
     say("weighing the evidence", 0.7)
     judgement = judge(explanation.shooting, explanation.selection)
@@ -90,10 +95,10 @@ def _report(
         step = float(np.median(np.concatenate([run.dt for run in machine.fit])))
         numerics = (explanation.engine.model.opt.integrator, step / explanation.engine.substeps)
     xml, held, difference = corrected_xml(source.spec, chosen.effects, chosen.values, numerics)
-    corrected = corrected_simulator(source, machine.channels, chosen.candidate, xml if all(held) else None, numerics)
+    corrected = simulator_with(source, machine.channels, chosen.candidate, xml if all(held) else None, numerics)
     learned = None
     if "gp" in models:
-        learned = corrected_simulator(source, machine.channels, models["gp"][1], None, numerics)
+        learned = simulator_with(source, machine.channels, models["gp"][1], None, numerics)
     named = _named(explanation, judgement, dict(zip(chosen.effects, held, strict=True)))
     files: dict[str, str] = {}
     if xml is not None:
@@ -158,7 +163,7 @@ def _remainder_note(outcome: Outcome | None) -> list[str]:
     ]
 
 
-def _named(explanation: Explanation, judgement: Judgement, held: dict[Any, bool]) -> tuple[NamedEffect, ...]:
+def _named(explanation: Explanation, judgement: Judgement, held: dict[Any, bool | None]) -> tuple[NamedEffect, ...]:
     if judgement.verdict not in ("named", "tie"):
         return ()
     return tuple(

@@ -29,13 +29,18 @@ class Eliminated:
     columns: Array
     residual: Array
 
-    def states(self, delta: Array) -> Array:
-        """The change of the initial states that belongs to a change of the parameters, ``(S, n)``."""
+    def states(self, delta: Array, reach: Array) -> Array:
+        """The change of the initial states that belongs to a change of the parameters, ``(S, n)``.
+
+        Args:
+            delta: change of the parameters, ``(P,)``.
+            reach: how far a state may sensibly move, ``(n,)``; what hardly shows (the speed of a joint that friction
+                holds) moves by no more.
+        """
         left = self.residual - self.columns @ delta
         right = np.einsum("smn,sm->sn", self.basis, left)
-        scale = np.abs(np.einsum("snn->sn", self.triangle)).max(axis=1, keepdims=True)
-        ridge = (1e-9 * scale[..., None] + 1e-12) * np.eye(self.triangle.shape[-1])
-        return np.linalg.solve(self.triangle + ridge, right[..., None])[..., 0]
+        normal = self.triangle.transpose(0, 2, 1) @ self.triangle + np.diag(1.0 / reach**2)
+        return np.linalg.solve(normal, np.einsum("sij,si->sj", self.triangle, right)[..., None])[..., 0]
 
 
 def eliminate(design: Array, columns: Array, residual: Array) -> Eliminated:

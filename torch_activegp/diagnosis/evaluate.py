@@ -6,6 +6,8 @@ from collections.abc import Sequence
 from typing import Any
 
 from torch_activegp.data import Recording
+from torch_activegp.diagnosis.blackbox import check_clock, check_recordings
+from torch_activegp.diagnosis.blackbox_engine import BlackBoxEngine
 from torch_activegp.diagnosis.engine import NOMINAL, Engine, substeps_for
 from torch_activegp.diagnosis.forecast import compare
 from torch_activegp.diagnosis.noise_floor import noise_floor
@@ -37,7 +39,11 @@ def evaluate(model: object, recordings: Sequence[Recording], nthread: int = 0) -
     source = read_source(model)
     channels = Channels.of(source.model, recordings)
     runs = [make_run(recording, source.model, channels) for recording in recordings]
-    engine = Engine(source.model, channels, substeps_for(source.model, runs), nthread)
+    if source.box is None:
+        engine = Engine(source.model, channels, substeps_for(source.model, runs), nthread)
+    else:
+        check_recordings(source.box, recordings)
+        engine = BlackBoxEngine(source.box, channels, check_clock(source.box, runs))
     noise = noise_floor(runs)
     errors, _ = compare({"error": (engine, NOMINAL)}, runs, channels.joints, noise)
     return {key: errors[key] for key in ("runs", "one_step", "free_run")}

@@ -80,7 +80,8 @@ def laws(shooting: Shooting, fit: Fit, named: Sequence[Effect], _: Sequence[Effe
         x = np.linspace(region.edges[0], region.edges[-1], 201)
         zero = np.zeros_like(x)
         y = effect.force(x, zero, fit.values[k]) if by_position else effect.force(zero, x, fit.values[k])
-        length, force = ("rad", "N m") if "N m" in effect.parameters[0].unit else ("m", "N")
+        length = shooting.engine.channels.units[shooting.engine.channels.joints.index(joint)]
+        force = {"rad": "N m", "m": "N"}[length] if "N" in effect.parameters[0].unit else f"{length}/s2"
         out.append(
             {
                 "name": effect.name,

@@ -8,6 +8,7 @@ from collections.abc import Callable, Sequence
 import numpy as np
 from numpy.typing import NDArray
 
+from torch_activegp.diagnosis.blackbox_engine import GivenNumerics
 from torch_activegp.diagnosis.engine import Engine
 from torch_activegp.diagnosis.fit import Fit
 from torch_activegp.diagnosis.machine import Machine
@@ -28,6 +29,7 @@ _FAR = 60.0
 _TOO_FAR = 400.0
 """The same for the names in the end."""
 _GROWTH = 6.0
+_SETTLED = 0.5
 _ENOUGH = 1500.0
 
 
@@ -62,7 +64,7 @@ def explain(machine: Machine, effects: Sequence[Effect], nthread: int = 0, tell:
         nthread: threads of the simulations; 0 for all cores.
         tell: hears what is being done.
     """
-    numerics = Numerics.of(machine, nthread)
+    numerics = (Numerics if machine.box is None else GivenNumerics).of(machine, nthread)
     tell("noise floor")
     noise = noise_floor(machine.fit)
     segments, first = _longest(machine, numerics, noise, _FAR)
@@ -88,7 +90,19 @@ def explain(machine: Machine, effects: Sequence[Effect], nthread: int = 0, tell:
             tell("naming with the numerics seen behind the effects")
             seen = [(judged.effects, judged.values), *leaders]
             selection = select(shooting, effects, bare, seen, judged.starts, tell)
+    _polish(shooting, selection)
     return Explanation(engine, shooting, selection, tuple(effects), engine is numerics.fine)
+
+
+def _polish(shooting: Shooting, selection: Selection) -> None:
+    """The best set once more with all derivatives taken there."""
+    best = selection.best
+    for _ in range(2 if best.effects else 0):
+        again = shooting.fit([(best.effects, best.values)], best.starts)[0]
+        if not again.chi2 < best.chi2 - _SETTLED:
+            break
+        selection.fits = [again if fit is best else fit for fit in selection.fits]
+        best = again
 
 
 def _leaders(selection: Selection) -> Sets:

@@ -19,6 +19,8 @@ _RACERS = 3
 _MUCH = 0.02
 _LITTLE = 0.05
 _HOPE = 0.01
+SETTLE = 4
+_STOPPED = 0.02
 _FAILED = 1e30
 """Stands for the chi2 of a segment whose simulation failed."""
 
@@ -30,13 +32,17 @@ class Likelihood(Protocol):
         """Perturbations of the initial states worth trying, ``(n,)``."""
         ...
 
+    def state_reach(self) -> Array:
+        """How far an initial state may sensibly move in one step, ``(n,)``."""
+        ...
+
 
 def give_up(problems: Sequence[Problem]) -> None:
     """Ends the fits that stay far behind: not among the best three, and not close to the best."""
     order = sorted(problems, key=lambda p: p.chi2)
     best, worst = order[0].chi2, max((p.chi2 for p in order if np.isfinite(p.chi2)), default=np.inf)
     for problem in order[_RACERS:]:
-        if problem.chi2 > best + max(60.0, 0.1 * (worst - best)):
+        if np.isfinite(problem.chi2) and problem.chi2 > best + max(60.0, 0.1 * (worst - best)):
             problem.finished = True
 
 
@@ -71,13 +77,15 @@ class Problem:
         self._damping = _FIRST_DAMPING
         self._best: dict[str, Array | float] | None = None
         self._design = design
-        self._columns = None if len(self._trial) or design is None else np.zeros((*design.shape[:2], 0))
+        self._hold = hold or not len(self._trial)
+        self._settling = 0 if self._hold or design is None else SETTLE
+        self._columns: Array | None = None
         self._brake = np.ones(len(starts))
+        self._steps = np.zeros(0)
         self._residual = np.zeros(0)
         self._predicted = 0.0
         self._age = 0 if design is None else 1
         self._stale = design is not None
-        self._hold = hold
         self._lengths = [len(e.parameters) for e in effects]
 
     @property
@@ -88,6 +96,11 @@ class Problem:
     def _values(self, flat: Array) -> tuple[Array, ...]:
         return tuple(np.split(flat, np.cumsum(self._lengths)[:-1])) if self._lengths else ()
 
+    @property
+    def _still(self) -> bool:
+        """Whether only the initial states move."""
+        return self._hold or self._settling > 0
+
     def ask(self) -> tuple[list[Candidate], Array]:
         """A trial alone, or the derivatives at the best point, or both in the beginning.
 
@@ -95,16 +108,18 @@ class Problem:
         """
         flat, starts = self._trial, self._trial_starts
         base = Candidate(self.effects, self._values(flat))
+        if self._design is not None and self._still:
+            self._columns = np.zeros((*self._design.shape[:2], 0))
         if self._design is not None and self._columns is not None:
             return [base], starts[None]
         self._state_steps = self.shooting.state_columns(starts)
         step = _STEP * np.where(np.abs(flat) > self._scale, np.abs(flat), self._scale)
-        self._steps = np.where(flat + step > self._high, -step, step)
+        self._steps = np.where(flat + step > self._high, -step, step)[: 0 if self._still else None]
         n = len(self._state_steps) if self._design is None else 0
-        states = np.repeat(starts[None], 1 + n + len(flat), axis=0)
+        states = np.repeat(starts[None], 1 + n + len(self._steps), axis=0)
         states[1 : 1 + n] += np.eye(len(self._state_steps))[:n, None, :] * self._state_steps
         candidates = [base] * (1 + n)
-        for i in range(len(flat)):
+        for i in range(len(self._steps)):
             moved = flat.copy()
             moved[i] += self._steps[i]
             candidates.append(Candidate(self.effects, self._values(moved)))
@@ -115,22 +130,36 @@ class Problem:
         residual = white[0]
         per_segment = np.nan_to_num((residual**2).sum(-1), nan=_FAILED, posinf=_FAILED)
         chi2 = _total(per_segment)
-        if self._best is not None and len(white) == 1 and (self._hold or not len(self._trial)):
+        if self._best is not None and len(white) == 1 and self._still:
             self._each_for_itself(residual, per_segment, last)
+        elif self._best is not None and len(white) == 1 and self._columns is not None and not chi2 < self.chi2:
+            self._worse(per_segment, last)
+        else:
+            if len(white) > 1 or self._columns is None:
+                self._take_derivatives(white)
+            self._better(residual, per_segment, len(white) > 1, last)
+        self._settle(last)
+
+    def _settle(self, last: bool) -> None:
+        """First the states alone, so that what is not smooth does not refuse every step of the parameters."""
+        if not self._settling:
             return
-        if len(white) > 1 or self._columns is None:
-            self._take_derivatives(white)
-        elif self._best is not None and not chi2 < self.chi2:
-            self._worse(last)
-            return
-        old = self.chi2
+        self._settling = 0 if self.finished else self._settling - 1
+        if not self._settling and not last:
+            assert self._best is not None
+            self.finished, self._columns, self._damping = False, None, _FIRST_DAMPING
+            self._trial, self._trial_starts = np.asarray(self._best["flat"]), np.asarray(self._best["starts"])
+
+    def _better(self, residual: Array, per_segment: Array, fresh: bool, last: bool) -> None:
+        """Takes a step that helped, or the point where the derivatives were taken."""
+        old, chi2 = self.chi2, _total(per_segment)
         if chi2 <= old:
             self._best = {"chi2": chi2, "flat": self._trial, "starts": self._trial_starts, "per_segment": per_segment}
             self._residual = np.nan_to_num(residual)
         assert self._design is not None and self._columns is not None
         self._linear = eliminate(self._design, self._columns, np.nan_to_num(residual))
         fell = old - chi2
-        if len(white) == 1 and np.isfinite(old):
+        if not fresh and np.isfinite(old):
             self._damping = max(self._damping / 10.0, 1e-9)
             self._age += 1
             if fell > _MUCH * chi2 and not last:  # far from where the derivatives were taken: once more, here
@@ -169,16 +198,21 @@ class Problem:
             self._propose()
 
     def _take_derivatives(self, white: Array) -> None:
-        residual, n = white[0], len(white) - 1 - len(self._trial)
+        residual, n = white[0], len(white) - 1 - len(self._steps)
         if self._design is None:
             moved = -(white[1 : 1 + n] - residual) / self._state_steps[:, None, None]
             self._design = np.nan_to_num(moved).transpose(1, 2, 0)
             self._age, self._stale = 0, False
         self._columns = np.nan_to_num(-(white[1 + n :] - residual) / self._steps[:, None, None]).transpose(1, 2, 0)
 
-    def _worse(self, last: bool) -> None:
-        """A step that did not help: first blame old derivatives, then the length of the step."""
+    def _worse(self, per_segment: Array, last: bool) -> None:
+        """A step that did not help: blame single segments, then old derivatives, then the length of the step."""
         assert self._best is not None
+        bad = (per_segment > np.asarray(self._best["per_segment"]) + _LITTLE) & (self._brake > _STOPPED)
+        if 0 < bad.sum() < 0.5 * len(bad) and not last:
+            self._brake[bad] *= 0.1
+            self._propose()
+            return
         if self._age and not last:
             self._design = self._columns = None
             self._trial, self._trial_starts = np.asarray(self._best["flat"]), np.asarray(self._best["starts"])
@@ -194,7 +228,7 @@ class Problem:
         flat, starts = np.asarray(self._best["flat"]), np.asarray(self._best["starts"])
         eliminated = self._linear
         delta = np.zeros(len(flat))
-        if len(flat) and not self._hold:
+        if not self._still:
             normal, gradient = eliminated.normal.sum(0), eliminated.gradient.sum(0)
             free = np.ones(len(flat), dtype=bool)
             for _ in range(3):  # a parameter that would leave its bounds stays at the bound
@@ -211,9 +245,9 @@ class Problem:
                     break
                 free &= ~stuck
             delta = np.clip(flat + delta, self._low, self._high) - flat
-        shift = eliminated.states(delta)
+        shift = eliminated.states(delta[: eliminated.normal.shape[-1]], self.shooting.state_reach())
         gain = float((np.einsum("smn,sm->sn", eliminated.basis, eliminated.residual) ** 2).sum())
-        if len(delta):
+        if not self._still:
             gain += float(2 * eliminated.gradient.sum(0) @ delta - delta @ eliminated.normal.sum(0) @ delta)
         self._predicted = gain
         if gain < _LITTLE + 1e-5 * self.chi2:

@@ -56,5 +56,7 @@ def _unit(effect: Effect, name: str, index: int) -> str:
     """The unit of a described parameter: that of the parameter of the same name, else of the one in its place."""
     units = {p.name: p.unit for p in effect.parameters}
     position = effect.parameters[0].unit.partition("/")[2] or "rad"
+    for parameter in effect.parameters:  # of an acceleration
+        position = parameter.unit.removesuffix("/s2") if parameter.unit in ("rad/s2", "m/s2") else position
     known = {"rest": position, "phase": "rad", "amplitude": effect.parameters[0].unit, "gain": "1"}
     return units.get(name) or known.get(name) or effect.parameters[min(index, len(effect.parameters) - 1)].unit

@@ -18,7 +18,8 @@ from torch_activegp.physics.effect import Effect
 
 TIE = 6.0
 """Sets whose scores differ by less (odds of 20 to 1) are not told apart."""
-HIDDEN_SHARE = 0.03
+RETUNED = 0.1
+"""What was tuned gains less than this part alone of what it gains beside the missing effect."""
 INADEQUATE = 0.15
 SURE = 1e-5
 DOUBT = 0.01
@@ -151,8 +152,9 @@ def _split(shooting: Shooting, selection: Selection) -> tuple[list[Effect], tupl
     others = [e for e in best.effects if not e.tunable]
     if not tunable or not others:
         return list(best.effects), ()
-    alone = _fitted(shooting, selection, tunable, dict(zip(best.effects, best.values, strict=True)))
-    if nominal.chi2 - alone.chi2 < HIDDEN_SHARE * (nominal.chi2 - best.chi2):
+    values = dict(zip(best.effects, best.values, strict=True))
+    alone, without = (_fitted(shooting, selection, some, values) for some in (tunable, others))
+    if nominal.chi2 - alone.chi2 < RETUNED * (without.chi2 - best.chi2):
         return others, tuple(tunable)
     return list(best.effects), ()
 

@@ -9,6 +9,7 @@ import mujoco
 import numpy as np
 
 from torch_activegp.data import Recording
+from torch_activegp.diagnosis.blackbox import BlackBox, check_clock, check_rates, check_recordings
 from torch_activegp.diagnosis.runs import MIN_ROWS, Channels, Run, input_addresses, make_run
 from torch_activegp.errors import DataError
 
@@ -26,6 +27,7 @@ class Machine:
         fit: runs for fitting and selection.
         holdout: runs that are only forecast.
         notes: what was decided about the recordings.
+        box: the simulator that the model stands for, where that is not MuJoCo.
     """
 
     model: mujoco.MjModel
@@ -33,9 +35,12 @@ class Machine:
     fit: tuple[Run, ...]
     holdout: tuple[Run, ...]
     notes: tuple[str, ...]
+    box: BlackBox | None = None
 
 
-def make_machine(model: mujoco.MjModel, recordings: Sequence[Recording], holdout: Sequence[Recording]) -> Machine:
+def make_machine(
+    model: mujoco.MjModel, recordings: Sequence[Recording], holdout: Sequence[Recording], box: BlackBox | None = None
+) -> Machine:
     """Lays recordings over a model and sets runs aside where none is given for that.
 
     Args:
@@ -43,9 +48,11 @@ def make_machine(model: mujoco.MjModel, recordings: Sequence[Recording], holdout
         recordings: runs for fitting and selection.
         holdout: runs that are only forecast; without any, the last fifth of the runs is set aside, or of the longest
             run where there are fewer than 3.
+        box: the simulator that the model stands for, where that is not MuJoCo.
 
     Raises:
         DataError: there is no recording, or one does not fit the model, is too short, or does not move.
+        ConfigurationError: a black box moves its positions otherwise than its velocities say.
     """
     if not recordings:
         raise DataError("no recording to fit. Give at least one run of the machine.")
@@ -61,10 +68,15 @@ def make_machine(model: mujoco.MjModel, recordings: Sequence[Recording], holdout
     fit = [make_run(recording, model, channels) for recording in recordings]
     kept = [make_run(recording, model, channels) for recording in holdout]
     _refuse_constant(fit, channels)
+    if box is not None:
+        check_recordings(box, [*recordings, *holdout])
+        check_clock(box, [*fit, *kept])
+        check_rates(box, channels, fit)
+        notes += box.notes()
     if not kept:
         fit, kept, note = _set_aside(fit)
         notes.append(note)
-    return Machine(model, channels, tuple(fit), tuple(kept), tuple(dict.fromkeys(notes)))
+    return Machine(model, channels, tuple(fit), tuple(kept), tuple(dict.fromkeys(notes)), box)
 
 
 def _long_enough(recordings: Sequence[Recording], notes: list[str]) -> list[Recording]:

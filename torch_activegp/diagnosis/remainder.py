@@ -108,6 +108,8 @@ class _Listener(Effect):
 
 def _controls(shooting: Shooting, fit: Fit) -> Array:
     """Controls after the effects on the way to the machine, mean of each interval, ``(S, K, nu)``."""
+    if not shooting.engine.model.nu:
+        return np.zeros((shooting.segments.size, shooting.segments.intervals, 0))
     listener = _Listener("world", (), np.zeros((0, 0))).listen()
     engine, segments = shooting.engine, shooting.segments
     base = fit.candidate

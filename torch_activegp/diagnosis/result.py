@@ -45,7 +45,7 @@ class NamedEffect:
         probability: how probable it is among the sets that were compared.
         parameters: by name.
         ties: other (name, target) pairs that the recordings cannot tell from it.
-        mjcf: whether ``corrected.xml`` holds it.
+        mjcf: whether ``corrected.xml`` holds it; None where the simulator is none in MJCF.
     """
 
     name: str
@@ -55,7 +55,7 @@ class NamedEffect:
     probability: float
     parameters: Mapping[str, Estimate]
     ties: tuple[tuple[str, str], ...] = ()
-    mjcf: bool = False
+    mjcf: bool | None = False
 
     def to_dict(self) -> dict[str, Any]:
         """The entry of ``diagnosis.json``."""

@@ -31,12 +31,14 @@ class Atom:
         values: its parameters with the amplitudes that fit best, ``(P,)``.
         gain: decrease of chi2 to first order.
         columns: where its columns stand in the screen's normal matrix.
+        seed: the parameters that these columns belong to.
     """
 
     effect: Effect
     values: Array
     gain: float
     columns: slice
+    seed: Array
 
 
 @dataclasses.dataclass(frozen=True)
@@ -63,8 +65,14 @@ class Screen:
 
     def joint_gain(self, atoms: Sequence[Atom]) -> float:
         """What several atoms gain together."""
+        return self.together(atoms)[0]
+
+    def together(self, atoms: Sequence[Atom]) -> tuple[float, list[Array]]:
+        """What several atoms gain together, and the parameters with which they do."""
         index = np.concatenate([np.arange(a.columns.start, a.columns.stop) for a in atoms])
-        return _gain(self.normal[np.ix_(index, index)], self.gradient[index])[0]
+        gain, amplitude = _gain(self.normal[np.ix_(index, index)], self.gradient[index])
+        parts = np.split(amplitude, np.cumsum([a.columns.stop - a.columns.start for a in atoms])[:-1])
+        return gain, [_with_amplitude(atom.effect, atom.seed, part) for atom, part in zip(atoms, parts, strict=True)]
 
 
 def screen(shooting: Shooting, fit: Fit, effects: Sequence[Effect]) -> Screen:
@@ -98,12 +106,16 @@ def screen(shooting: Shooting, fit: Fit, effects: Sequence[Effect]) -> Screen:
 
 
 def _atom(effect: Effect, seed: Array, where: slice, gain: float, amplitude: Array) -> Atom:
+    values = _with_amplitude(effect, seed, amplitude)
+    absent = not np.any(values[: effect.linear]) if effect.linear else amplitude[0] <= 0.0
+    return Atom(effect, values, 0.0 if absent else gain, where, seed)
+
+
+def _with_amplitude(effect: Effect, seed: Array, amplitude: Array) -> Array:
     values = seed.copy()
     if effect.linear:
         values[: effect.linear] = amplitude * _units(effect, seed)
-    values = np.clip(values, [p.low for p in effect.parameters], [p.high for p in effect.parameters])
-    absent = not np.any(values[: effect.linear]) if effect.linear else amplitude[0] <= 0.0
-    return Atom(effect, values, 0.0 if absent else gain, where)
+    return np.clip(values, [p.low for p in effect.parameters], [p.high for p in effect.parameters])
 
 
 def _units(effect: Effect, seed: Array) -> Array:

@@ -4,24 +4,25 @@ from __future__ import annotations
 
 import dataclasses
 import math
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Sequence
 
 import numpy as np
 
 from torch_activegp.diagnosis.fit import Fit
+from torch_activegp.diagnosis.proposals import MOST, beside_tuned, diverse, join, richer
 from torch_activegp.diagnosis.runs import Array
-from torch_activegp.diagnosis.screening import Atom, Screen, screen
+from torch_activegp.diagnosis.screening import Screen, screen
 from torch_activegp.diagnosis.shooting import Shooting
 from torch_activegp.physics.effect import Effect
 
 BEAM = 2
-PROPOSALS = 6
 RIVALS = 4
 SWAPS = 2
 HOPELESS = 0.5
 ALIKE = 0.6
 """To stand in for an effect, another one must gain so much of what it gains, to first order."""
 MAX_EFFECTS = 4
+SLACK = 8.0
 MATERIAL = 0.006
 """An effect that explains less of the mismatch than this is not named: simulators differ by that much."""
 
@@ -48,6 +49,11 @@ class Score:
     def __call__(self, fit: Fit) -> float:
         """Extended BIC; smaller is better."""
         return fit.chi2 / self.scale + self.price(fit.effects)
+
+    @property
+    def slack(self) -> float:
+        """Sets behind the best one by less are developed too: about the price of one more name."""
+        return SLACK + 0.5 * MATERIAL * self.mismatch / self.scale
 
     def price(self, effects: Sequence[Effect]) -> float:
         """What a set must gain to be worth it."""
@@ -113,7 +119,7 @@ def select(
     swaps = 0
     for _ in range(2 * MAX_EFFECTS):
         beam = [f for f in sorted(selection.fits, key=selection.score) if frozenset(f.effects) not in expanded]
-        beam = [f for f in beam[:BEAM] if selection.score(f) <= selection.score(selection.best) + _SLACK]
+        beam = [f for f in beam[:BEAM] if selection.score(f) <= selection.score(selection.best) + selection.score.slack]
         if not beam:
             if frozenset(selection.best.effects) == swapped or swaps == SWAPS or _hopeless(selection, shooting, 1):
                 break
@@ -132,7 +138,6 @@ def select(
     return selection
 
 
-_SLACK = 8.0
 _PLENTY = 400.0
 _PART = 0.2
 _CLOSE = 40.0
@@ -140,7 +145,10 @@ _CLOSE = 40.0
 
 def _expand(selection: Selection, shooting: Shooting, effects: Sequence[Effect], fit: Fit) -> None:
     """Fits the most promising sets that contain a fit and something more."""
-    proposed = _proposals(selection, fit, screen(shooting, fit, _allowed(effects, fit)))
+    screened = screen(shooting, fit, _allowed(effects, fit))
+    proposed = [*_proposals(selection, fit, screened), *richer(fit, effects)]
+    if not fit.effects:
+        proposed += beside_tuned(shooting.engine.model, screened, fit.chi2 - shooting.dof)
     known = {frozenset(f.effects) for f in selection.fits}
     fresh = [p for p in proposed if frozenset(p[0]) not in known]
     if fresh:
@@ -176,9 +184,10 @@ def _proposals(selection: Selection, fit: Fit, screened: Screen) -> list[tuple[t
     price = selection.score.price
     scale = selection.score.scale
     best = screened.best()
-    worth = [(a.gain / scale - price([a.effect]), (a,)) for a in best[: 4 * PROPOSALS]]
+    worth = [(a.gain / scale - price([a.effect]), (a,)) for a in best[: 4 * MOST]]
     worth = [w for w in worth if w[0] > 0.0]
-    chosen = _diverse(sorted(worth, key=lambda w: -w[0]))
+    atoms = diverse([a for _, (a,) in sorted(worth, key=lambda w: -w[0])])
+    chosen = [(a.gain / scale - price([a.effect]), (a,)) for a in atoms]
     leaders = best[:12]
     pairs = [
         (screened.joint_gain(pair) / scale - price([a.effect for a in pair]), pair)
@@ -191,32 +200,7 @@ def _proposals(selection: Selection, fit: Fit, screened: Screen) -> list[tuple[t
     single = chosen[0][0] if chosen else 0.0
     if pairs and pairs[0][0] > single + 20.0 and len(fit.effects) + 2 <= MAX_EFFECTS:
         chosen += pairs[:2]
-    return [_join(fit, atoms) for _, atoms in chosen]
-
-
-def _diverse(worth: list[tuple[float, tuple[Atom, ...]]]) -> list[tuple[float, tuple[Atom, ...]]]:
-    """The best few: no more than two of one name and target."""
-    count: dict[tuple[str, str], int] = {}
-    chosen = []
-    for value, atoms in worth:
-        key = atoms[0].effect.key
-        count[key] = count.get(key, 0) + 1
-        if count[key] <= 2:
-            chosen.append((value, atoms))
-        if len(chosen) == PROPOSALS:
-            break
-    return chosen
-
-
-def _join(fit: Fit, atoms: Iterable[Atom]) -> tuple[tuple[Effect, ...], tuple[Array, ...]]:
-    """The fit's effects without those that the new ones contain, and the new ones."""
-    atoms = list(atoms)
-    covered = {(name, a.effect.target) for a in atoms for name in a.effect.covers}
-    kept = [(e, v) for e, v in zip(fit.effects, fit.values, strict=True) if e.key not in covered]
-    return (
-        (*[e for e, _ in kept], *[a.effect for a in atoms]),
-        (*[v for _, v in kept], *[a.values for a in atoms]),
-    )
+    return [join(fit, atoms) for _, atoms in chosen]
 
 
 def _simplify(selection: Selection, shooting: Shooting, effects: Sequence[Effect]) -> None:
@@ -231,6 +215,7 @@ def _simplify(selection: Selection, shooting: Shooting, effects: Sequence[Effect
         for simpler in effects:
             if simpler.target == effect.target and simpler.name in effect.covers and simpler.linear == 1:
                 trials.append([*others, (simpler, np.array([value[: effect.linear].mean()]))])
+                trials += [[*trials[-1], more] for more in _offset(best, effect, value, effects)]
     fresh = [t for t in trials if frozenset(e for e, _ in t) not in known]
     sets = [(tuple(e for e, _ in t), tuple(v for _, v in t)) for t in fresh]
     if sets:
@@ -242,6 +227,14 @@ def _simplify(selection: Selection, shooting: Shooting, effects: Sequence[Effect
 def _same_or_more(effect: Effect, than: Effect) -> bool:
     """Whether an effect is another one or contains it: it was tried on top already."""
     return effect is than or (effect.target == than.target and than.name in effect.covers)
+
+
+def _offset(best: Fit, effect: Effect, value: Array, effects: Sequence[Effect]) -> list[tuple[Effect, Array]]:
+    """What an asymmetric friction has beyond a symmetric one: a constant force."""
+    key = ("constant_force", effect.target)
+    if effect.name != "asymmetric_friction" or key in best.keys:
+        return []
+    return [(e, np.array([-0.5 * float(value[0] - value[1])])) for e in effects if e.key == key]
 
 
 def _swap(selection: Selection, shooting: Shooting, effects: Sequence[Effect]) -> None:
@@ -260,8 +253,8 @@ def _swap(selection: Selection, shooting: Shooting, effects: Sequence[Effect]) -
         screened = screen(part, smaller.pick(which), _allowed(effects, smaller))
         least = ALIKE * max((a.gain for a in screened.atoms if a.effect.key == effect.key), default=0.0)
         atoms = [a for a in screened.best() if a.gain >= least and not _same_or_more(a.effect, effect)]
-        proposals = [_join(smaller, atoms) for _, atoms in _diverse([(a.gain, (a,)) for a in atoms])]
-        fresh = [p for p in proposals[:RIVALS] if frozenset(p[0]) not in by_effects]
+        proposals = [join(smaller, [atom]) for atom in diverse(atoms, RIVALS)]
+        fresh = [p for p in proposals if frozenset(p[0]) not in by_effects]
         if fresh and share < 1.0:
             here = best.pick(which)
             trials = part.fit(fresh, here.starts, race=True, design=here.design)

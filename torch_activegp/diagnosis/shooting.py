@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from torch_activegp.diagnosis.engine import Engine
 from torch_activegp.diagnosis.fit import Fit
-from torch_activegp.diagnosis.gauss_newton import Problem, give_up
+from torch_activegp.diagnosis.gauss_newton import SETTLE, Problem, give_up
 from torch_activegp.diagnosis.noise_model import NoiseModel
 from torch_activegp.diagnosis.runs import Array
 from torch_activegp.diagnosis.segments import Segments
@@ -76,6 +76,16 @@ class Shooting:
             size[model.nq + v] = max(5.0 * self.noise.scale[c], 1e-5)
         return size
 
+    def state_reach(self) -> Array:
+        """How far an initial state may sensibly move in one step: as far and as fast as the joint did, ``(nq + nv,)``."""
+        model, channels = self.engine.model, self.engine.channels
+        reach = np.full(self.engine.state_size, 1.0)
+        runs = self.segments.runs
+        for c, (q, v) in enumerate(zip(channels.qpos, channels.dof, strict=True)):
+            reach[q] = max(max(float(np.ptp(run.smooth[:, c])) for run in runs), 20.0 * self.noise.scale[c])
+            reach[model.nq + v] = max(max(float(np.abs(run.velocity[:, c]).max()) for run in runs), 1e-6)
+        return reach
+
     def subset(self, share: float) -> tuple[Shooting, NDArray[np.int64]]:
         """The same likelihood over a share of the segments, spread evenly; and which."""
         count = max(int(np.ceil(share * self.segments.size)), min(6, self.segments.size))
@@ -87,7 +97,7 @@ class Shooting:
         self,
         sets: Sequence[tuple[Sequence[Effect], Sequence[Array]]],
         starts: Array,
-        rounds: int = 14,
+        rounds: int = 16,
         race: bool = False,
         hold: bool = False,
         design: Array | None = None,
@@ -119,6 +129,6 @@ class Shooting:
             for problem, (cs, _) in zip(live, asked, strict=True):
                 problem.tell(white[at : at + len(cs)], last=number == rounds)
                 at += len(cs)
-            if race and number >= 2:
+            if race and number >= SETTLE + 2:
                 give_up(problems)
         return [p.result() for p in problems]

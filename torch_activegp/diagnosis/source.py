@@ -9,6 +9,7 @@ from pathlib import Path
 import mujoco
 import numpy as np
 
+from torch_activegp.diagnosis.blackbox import BlackBox
 from torch_activegp.errors import ConfigurationError
 from torch_activegp.simulators import MujocoSimulator, Simulator
 from torch_activegp.simulators.mujoco_model import load_model
@@ -19,44 +20,46 @@ class Source:
     """A nominal model.
 
     Args:
-        model: compiled.
-        spec: to edit.
+        model: compiled; what stands for it where the simulator is not MuJoCo.
+        spec: to edit, or None where there is nothing to edit.
         name: for people.
         path: of its file, or what else it was.
         frame_skip: time steps for each action, where it came as a simulator.
+        box: the simulator, where it is not MuJoCo.
     """
 
     model: mujoco.MjModel
-    spec: mujoco.MjSpec
+    spec: mujoco.MjSpec | None
     name: str
     path: str
     frame_skip: int = 1
+    box: BlackBox | None = None
 
 
 def read_source(model: object) -> Source:
     """Reads a model.
 
     Args:
-        model: path of an MJCF file, MJCF text, an ``MjSpec``, an ``MjModel`` or a `MujocoSimulator`.
+        model: path of an MJCF file, MJCF text, an ``MjSpec``, an ``MjModel``, a `MujocoSimulator`, or any other
+            `Simulator` whose state is positions and their velocities.
 
     Raises:
-        ConfigurationError: no such file, it does not compile, or it is something else.
+        ConfigurationError: no such file, it does not compile, its state is another, or it is something else.
+        SimulationError: a simulator fails, or returns something else than next states.
     """
     if isinstance(model, MujocoSimulator):
         return dataclasses.replace(read_source(model.model), frame_skip=model.frame_skip)
     if isinstance(model, Simulator):
-        raise ConfigurationError(
-            f"diagnose: a model in MJCF wanted, found a {type(model).__name__}. Effects act on the joints and "
-            "actuators of a MuJoCo model: write the machine as MJCF, or learn what is missing (`torch-activegp learn`)."
-        )
+        box = BlackBox.of(model)
+        return Source(box.model, None, box.name, f"a {box.name}", box=box)
     if isinstance(model, mujoco.MjModel):
         return Source(load_model(model), _decompiled(model), "MjModel", "an MjModel")
     if isinstance(model, mujoco.MjSpec):
         return Source(load_model(model), model.copy(), model.modelname or "MjSpec", "an MjSpec")
     if not isinstance(model, str | Path):
         raise ConfigurationError(
-            "diagnose: an MJCF file, an MjSpec, an MjModel or a MujocoSimulator wanted, found a "
-            f"{type(model).__name__}."
+            "diagnose: an MJCF file, an MjSpec, an MjModel or a Simulator wanted, found a "
+            f"{type(model).__name__}. Wrap a function (state, action) -> next state in FunctionSimulator."
         )
     compiled = load_model(model)
     if isinstance(model, str) and model.lstrip().startswith("<"):

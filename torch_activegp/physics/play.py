@@ -8,6 +8,7 @@ from typing import Self
 
 import mujoco
 import numpy as np
+from numpy.typing import NDArray
 
 from torch_activegp.physics.effect import Array, Effect, Index, Parameter, Place, Step
 from torch_activegp.physics.joint import JointEffect
@@ -83,7 +84,7 @@ class Backlash(Effect):
         qpos: address of the position.
         rotor: inertia of the rotor, kg m2 or kg.
         armature: the part of it that the model has already.
-        drives: control, force for one unit of it, and largest force, for each motor on the joint.
+        drives: control, force for one unit of it, force without it, and largest force, for each motor on the joint.
         dt: time between the rows of a recording, s.
 
     Reference: Stewart and Trinkle 1996, time stepping with contact at the level of velocities.
@@ -93,7 +94,7 @@ class Backlash(Effect):
     qpos: int = 0
     rotor: float = 1.0
     armature: float = 1.0
-    drives: tuple[tuple[int, float, float], ...] = ()
+    drives: tuple[tuple[int, float, float, float], ...] = ()
     dt: float = 0.01
 
     name = "backlash"
@@ -106,7 +107,7 @@ class Backlash(Effect):
         on = _drivers(place, model)
         plain = (
             (model.actuator_gaintype[on] == mujoco.mjtGain.mjGAIN_FIXED)
-            & (model.actuator_biastype[on] == mujoco.mjtBias.mjBIAS_NONE)
+            & ((model.actuator_biastype[on] == mujoco.mjtBias.mjBIAS_NONE) | _constant_bias(model)[on])
             & (model.actuator_dyntype[on] == mujoco.mjtDyn.mjDYN_NONE)
         )
         return bool(len(on)) and bool(plain.all())
@@ -120,7 +121,8 @@ class Backlash(Effect):
         for i in _drivers(place, model):
             gear, strength = model.actuator_gear[i, 0], model.actuator_gainprm[i, 0]
             most = abs(gear) * model.actuator_forcerange[i, 1] if model.actuator_forcelimited[i] else np.inf
-            drives.append((int(model.actuator_ctrladr[i]), float(gear * strength), float(most)))
+            bias = model.actuator_biasprm[i, 0] if _constant_bias(model)[i] else 0.0
+            drives.append((int(model.actuator_ctrladr[i]), float(gear * strength), float(gear * bias), float(most)))
         return cls(
             place.target,
             (Parameter("gap", place.position_unit, 0.01 * width, low=0.0, high=width),),
@@ -180,7 +182,14 @@ class Backlash(Effect):
         memory[:] = np.stack([q + off, speed, free, apart, now, dt], axis=1)
 
     def _torque(self, ctrl: Array) -> Array:
-        return np.sum([np.clip(factor * ctrl[:, i], -most, most) for i, factor, most in self.drives], axis=0)
+        forces = [np.clip(factor * ctrl[:, i] + bias, -most, most) for i, factor, bias, most in self.drives]
+        return np.sum(forces, axis=0)
+
+
+def _constant_bias(model: mujoco.MjModel) -> NDArray[np.bool_]:
+    """Actuators whose bias is a constant: no feedback of position or speed."""
+    affine = model.actuator_biastype == mujoco.mjtBias.mjBIAS_AFFINE
+    return np.asarray(affine & ~model.actuator_biasprm[:, 1:3].any(axis=1))
 
 
 def _drivers(place: Place, model: mujoco.MjModel) -> Index:

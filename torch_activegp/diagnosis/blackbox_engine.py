@@ -1,0 +1,218 @@
+"""Simulates many candidates over many segments side by side through a simulator that only returns its next state."""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Callable, Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from torch_activegp.diagnosis.blackbox import BlackBox
+from torch_activegp.diagnosis.candidate import Candidate, grouped
+from torch_activegp.diagnosis.controls import Controls, added
+from torch_activegp.diagnosis.engine import Engine, _padded, substeps_for
+from torch_activegp.diagnosis.fit import Fit
+from torch_activegp.diagnosis.force_gp import Remainder
+from torch_activegp.diagnosis.machine import Machine
+from torch_activegp.diagnosis.noise_model import NoiseModel
+from torch_activegp.diagnosis.numerics import Known, Numerics, Sets
+from torch_activegp.diagnosis.runs import Array, Channels
+from torch_activegp.diagnosis.segments import Segments
+from torch_activegp.diagnosis.shooting import Shooting
+from torch_activegp.errors import ConfigurationError
+from torch_activegp.physics.effect import Effect, Index, Step
+from torch_activegp.physics.friction import AsymmetricCoulomb, CoulombFriction, StribeckFriction
+from torch_activegp.physics.joint import JointEffect
+
+_DRY = (CoulombFriction, StribeckFriction, AsymmetricCoulomb)
+_EXACT = 1e-9
+_TINY = 1e-100
+
+Act = Callable[[Step], None]
+
+
+class BlackBoxEngine(Engine):
+    """Runs a black box with effects; the interface is that of `Engine`, forces are accelerations.
+
+    Half of what the laws accelerate in a time step acts before the simulator's step and half after it, which is exact
+    to second order. Dry friction takes at most the velocity that is there, so what sticks stays where it is.
+
+    Args:
+        box: the simulator.
+        channels: the recorded joints.
+        substeps: time steps of the simulator in each interval between rows.
+    """
+
+    def __init__(self, box: BlackBox, channels: Channels, substeps: int) -> None:
+        super().__init__(box.model, channels, substeps)
+        self.box = box
+
+    def _simulate(self, segments: Segments, starts: Array, candidates: Sequence[Candidate]) -> Array:
+        count, size, intervals = len(candidates), segments.size, segments.intervals
+        rows = count * size
+        control = Controls(segments, candidates, self.substeps, self.model.nu)
+        force = added(segments.take("force"), [candidate.force for candidate in candidates])
+        laws = _Laws(self.channels, segments, candidates)
+        states = np.empty((rows, intervals + 1, self.state_size))
+        states[:, 0] = now = starts.reshape(rows, -1)
+        with np.errstate(all="ignore"):
+            for k in range(intervals):
+                held = force[:, :, k].reshape(rows, -1)
+                for j in range(self.substeps):
+                    now = self._advance(now, control(k, j), held, laws)
+                states[:, k + 1] = now
+        states[~np.isfinite(states).all(axis=(1, 2))] = np.nan
+        table = states.reshape(count, size, intervals + 1, self.state_size)
+        return _at(table, segments.dt, self.substeps * self.box.simulator.dt)
+
+    def _advance(self, now: Array, control: Array, held: Array, laws: _Laws) -> Array:
+        """One time step of states ``(R, 2 n)`` under controls ``(R, nu)`` and accelerations ``(R, n)``."""
+        n, dt = self.model.nq, self.box.simulator.dt
+        q, v = now[:, :n], now[:, n:]
+        push = laws.begin(q, v, control, held, dt)
+        levels = laws.levels(q, v)
+        slow = v if levels is None else _braked(v, 0.5 * dt, levels)
+        after = self.box.step(np.concatenate([q, slow + 0.5 * dt * push], axis=1), control)
+        p, w = after[:, :n], after[:, n:]
+        guess = w + 0.5 * dt * push
+        levels = laws.levels(p, guess)
+        if levels is None:
+            return np.concatenate([p, w + 0.5 * dt * laws.end(p, guess, control, push, dt)], axis=1)
+        stopped = slow == 0.0  # from there on, friction takes its whole share after the simulator's step
+        share = np.where(stopped, dt, 0.5 * dt)
+        free = w + 0.5 * dt * laws.end(p, _braked(guess, share, levels), control, push, dt)
+        w = _braked(free, share, levels)
+        rubbed = stopped & ((levels[0] != 0.0) | (levels[1] != 0.0))
+        p = np.where(rubbed, np.where(w == 0.0, q, p + 0.5 * dt * (w - free)), p)
+        return np.concatenate([p, w], axis=1)
+
+
+def _braked(velocity: Array, time: float | Array, levels: tuple[Array, Array]) -> Array:
+    """Velocities after dry friction over a time, s, which stops but never reverses them."""
+    forward, backward = levels
+    onward = np.maximum(velocity - time * forward, 0.0)
+    back = np.minimum(velocity + time * backward, 0.0)
+    return np.where(velocity > 0.0, onward, np.where(velocity < 0.0, back, velocity))
+
+
+class _Laws:
+    """The effects that accelerate, of all simulations side by side."""
+
+    def __init__(self, channels: Channels, segments: Segments, candidates: Sequence[Candidate]) -> None:
+        size = segments.size
+        starts = np.stack([segments.run, segments.first], axis=1)
+        self._smooth: list[Act] = []
+        self._once: list[Act] = []
+        self._dry: list[tuple[JointEffect, Index, Array]] = []
+        for effect, which, values in grouped(candidates):
+            rows = (which[:, None] * size + np.arange(size)).ravel()
+            repeated = np.repeat(values, size, axis=0)
+            if isinstance(effect, _DRY):
+                self._dry.append((effect, rows, repeated))
+            elif isinstance(effect, JointEffect) and type(effect).force is not JointEffect.force:
+                self._smooth.append(_law(effect, rows, repeated))
+            elif effect.needs_steps:
+                memory = None
+                if isinstance(effect, JointEffect):
+                    positions = _padded([run.smooth for run in segments.runs], channels, effect.qpos)
+                    if positions is not None:
+                        memory = effect.memory(positions, np.tile(starts, (len(which), 1)), repeated)
+                at_both_ends = isinstance(effect, (JointEffect, Remainder))
+                (self._smooth if at_both_ends else self._once).append(_acting(effect, rows, repeated, memory))
+
+    def begin(self, q: Array, v: Array, control: Array, held: Array, dt: float) -> Array:
+        """Accelerations ``(R, n)`` at the start of a step, on top of those that are held over it."""
+        self._held = held
+        if self._once:
+            self._held = self._sum(self._once, q, v, control, held, dt)
+        return self._sum(self._smooth, q, v, control, self._held, dt)
+
+    def end(self, q: Array, v: Array, control: Array, push: Array, dt: float) -> Array:
+        """The same at its end; those of the start where nothing depends on the state."""
+        return self._sum(self._smooth, q, v, control, self._held, dt) if self._smooth else push
+
+    def levels(self, q: Array, v: Array) -> tuple[Array, Array] | None:
+        """Dry friction against motions forward and backward, ``(R, n)`` each, or None where there is none."""
+        if not self._dry:
+            return None
+        forward, backward = np.zeros_like(v), np.zeros_like(v)
+        for effect, rows, values in self._dry:
+            position, speed = q[rows, effect.qpos], np.maximum(np.abs(v[rows, effect.dof]), _TINY)
+            forward[rows, effect.dof] -= effect.force(position, speed, values.T)
+            backward[rows, effect.dof] += effect.force(position, -speed, values.T)
+        return forward, backward
+
+    @staticmethod
+    def _sum(acts: Sequence[Act], q: Array, v: Array, control: Array, held: Array, dt: float) -> Array:
+        if not acts:
+            return held
+        step = Step(q, v, control, held.copy(), _no_field, np.full(len(q), dt))
+        for act in acts:
+            act(step)
+        return step.force
+
+
+def _law(effect: JointEffect, rows: Index, values: Array) -> Act:
+    return lambda step: JointEffect.before_step(effect, step, rows, values, None)
+
+
+def _acting(effect: Effect, rows: Index, values: Array, memory: Array | None) -> Act:
+    return lambda step: effect.before_step(step, rows, values, memory)
+
+
+def _no_field(name: str) -> Array:
+    raise ConfigurationError(f"an effect wants to change `{name}` of a MuJoCo model; the simulator is none.")
+
+
+def _at(states: Array, dt: Array, step: float) -> Array:
+    """States ``(N, S, K + 1, 2 n)`` on an even grid, read at the rows' own times by cubic Hermite interpolation."""
+    size, intervals = dt.shape
+    time = np.concatenate([np.zeros((size, 1)), np.cumsum(dt, axis=1)], axis=1)
+    if np.abs(time - step * np.arange(intervals + 1)).max() <= _EXACT:
+        return states
+    index = np.clip(np.floor(time / step).astype(np.int64), 0, intervals - 1)
+    x = (time / step - index)[..., None]
+    segment: NDArray[np.int64] = np.arange(size)[:, None]
+    begin, end = states[:, segment, index], states[:, segment, index + 1]
+    n = states.shape[-1] // 2
+    p, q, v, w = begin[..., :n], end[..., :n], step * begin[..., n:], step * end[..., n:]
+    position = (1 + 2 * x) * (1 - x) ** 2 * p + x * (1 - x) ** 2 * v + x**2 * (3 - 2 * x) * q + x**2 * (x - 1) * w
+    velocity = 6 * x * (1 - x) * (q - p) + (1 - x) * (1 - 3 * x) * v + x * (3 * x - 2) * w
+    return np.concatenate([position, velocity / step], axis=-1)
+
+
+@dataclasses.dataclass(frozen=True)
+class GivenNumerics(Numerics):
+    """The one form of a black box: its integrator and its time step cannot be chosen."""
+
+    @classmethod
+    def of(cls, machine: Machine, nthread: int = 0) -> Numerics:
+        """Makes it for a machine whose model is a black box."""
+        assert machine.box is not None
+        given = engine_of(machine.box, machine)
+        return cls(given, engine_of(machine.box, machine), given)
+
+    def choose(
+        self,
+        segments: Segments,
+        noise: NoiseModel,
+        near: Fit,
+        nominal: Fit,
+        sets: Sets = (),
+        known: Known | None = None,
+    ) -> tuple[Engine, Shooting, Fit, Fit]:
+        """Fits the first of some sets, and the nominal, under that form; see `Numerics.choose`."""
+        working = Shooting(self.given, segments, noise)
+        if known is not None and sets and tuple(sets[0][0]) == near.effects:
+            return known[0], known[1], nominal, near
+        judged = working.fit([*sets[:1], (near.effects, near.values)][:1], near.starts, design=near.design)[0]
+        if not sets:
+            return self.given, working, judged, judged
+        bare = working.fit([((), ())], nominal.starts, design=nominal.design)[0]
+        return self.given, working, bare, judged
+
+
+def engine_of(box: BlackBox, machine: Machine) -> BlackBoxEngine:
+    """The engine of a black box for the runs of a machine."""
+    return BlackBoxEngine(box, machine.channels, substeps_for(box.model, machine.fit))

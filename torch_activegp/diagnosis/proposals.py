@@ -1,0 +1,123 @@
+"""Which sets are worth a fit: from a score test, from laws that contain others, and beside what may have been tuned."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+
+import mujoco
+import numpy as np
+
+from torch_activegp.diagnosis.fit import Fit
+from torch_activegp.diagnosis.locate import actuated_joint
+from torch_activegp.diagnosis.runs import Array
+from torch_activegp.diagnosis.screening import Atom, Screen
+from torch_activegp.physics.effect import Effect
+
+Set = tuple[tuple[Effect, ...], tuple[Array, ...]]
+
+MOST = 6
+_TUNED = 0.2
+_BESIDE = 5
+_START = 0.15
+
+
+def diverse(atoms: Sequence[Atom], most: int = MOST) -> list[Atom]:
+    """The first few, no more than two of one name and target."""
+    count: dict[tuple[str, str], int] = {}
+    chosen = []
+    for atom in atoms:
+        key = atom.effect.key
+        count[key] = count.get(key, 0) + 1
+        if count[key] <= 2:
+            chosen.append(atom)
+        if len(chosen) == most:
+            break
+    return chosen
+
+
+def join(fit: Fit, atoms: Iterable[Atom]) -> Set:
+    """The fit's effects without those that the new ones contain, and the new ones, which take over their part."""
+    effects, values = list(fit.effects), list(fit.values)
+    for atom in atoms:
+        more = atom.values.copy()
+        inside = [i for i, e in enumerate(effects) if e.target == atom.effect.target and e.name in atom.effect.covers]
+        for i in inside:
+            more += _part(atom.effect, float(values[i][0])) if effects[i].linear == 1 else 0.0
+        effects = [*(e for i, e in enumerate(effects) if i not in inside), atom.effect]
+        values = [*(v for i, v in enumerate(values) if i not in inside), more]
+    return tuple(effects), tuple(values)
+
+
+def richer(fit: Fit, effects: Sequence[Effect]) -> list[Set]:
+    """The fit with a law that contains another one in its place, at every seed.
+
+    A score test does not see them all: where friction holds a joint, a force on it moves nothing.
+    """
+    out: list[Set] = []
+    for k, old in enumerate(fit.effects):
+        for effect in effects:
+            if effect.target != old.target or old.name not in effect.covers or old.linear != 1:
+                continue
+            others = [(e, v) for i, (e, v) in enumerate(zip(fit.effects, fit.values, strict=True)) if i != k]
+            for seed in effect.seeds:
+                value = seed.copy()
+                value[: effect.linear] = 0.0
+                value += _part(effect, float(fit.values[k][0]))
+                if effect.name == "stribeck_friction":
+                    value[1] = _START * abs(value[0])
+                out.append(((*(e for e, _ in others), effect), (*(v for _, v in others), value)))
+    return out
+
+
+def beside_tuned(model: mujoco.MjModel, screened: Screen, excess: float) -> list[Set]:
+    """Effects together with what a modeller tunes on the same joint, where all that seems to be tuned already.
+
+    A nominal that was tuned on these data sits where damping, rotor, gain and bias gain nothing; what is missing hides
+    behind their wrong values and shows only when they are free.
+
+    Args:
+        model: nominal model.
+        screened: score test on top of the nominal.
+        excess: chi2 of the nominal above the noise.
+    """
+    best = screened.best()
+    tunable = [a for a in best if a.effect.tunable]
+    if not tunable or screened.together(tunable)[0] > _TUNED * excess:
+        return []
+    found = []
+    for atom in screened.atoms:
+        if atom.effect.tunable:
+            continue
+        joint = joint_of(model, atom.effect)
+        near = [a for a in tunable if joint is None or joint_of(model, a.effect) == joint][:_BESIDE]
+        if near:
+            gain, values = screened.together([atom, *near])
+            found.append((gain, atom, near, values))
+    chosen: list[Set] = []
+    seen: dict[tuple[str, str], int] = {}
+    for _, atom, near, values in sorted(found, key=lambda item: -item[0]):
+        seen[atom.effect.key] = seen.get(atom.effect.key, 0) + 1
+        if seen[atom.effect.key] <= 2 and len(chosen) < MOST:
+            chosen.append(((atom.effect, *(a.effect for a in near)), tuple(values)))
+    return chosen
+
+
+def joint_of(model: mujoco.MjModel, effect: Effect) -> str | None:
+    """The joint that an effect acts on first; None where there is no such joint."""
+    kind, _, name = effect.target.partition(":")
+    if kind == "joint":
+        return name
+    if kind == "actuator":
+        index = mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_ACTUATOR, name)
+        return actuated_joint(model, index) if index >= 0 else None
+    if kind == "body":
+        index = mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_BODY, name)
+        return str(model.joint(int(model.body_jntadr[index])).name) if index > 0 and model.body_jntnum[index] else None
+    return name if kind == "sensor" else None
+
+
+def _part(effect: Effect, amplitude: float) -> Array:
+    """The part of an effect's parameters that a simpler law of some amplitude makes."""
+    out = np.zeros(len(effect.parameters))
+    out[: effect.linear if effect.name.startswith("asymmetric") else 1] = amplitude
+    return out
