@@ -16,11 +16,23 @@ def test_the_eliminated_normal_equations_equal_a_dense_least_squares() -> None:
         dense[20 * s : 20 * (s + 1), 10:] = columns[s]
     wanted = np.linalg.lstsq(dense, residual.ravel(), rcond=None)[0]
     np.testing.assert_allclose(delta, wanted[10:], atol=1e-10)
-    np.testing.assert_allclose(linear.states(delta).ravel(), wanted[:10], atol=1e-7)
+    np.testing.assert_allclose(linear.states(delta, np.full(2, 1e6)).ravel(), wanted[:10], atol=1e-7)
 
 
 def test_states_that_nothing_sees_stay_where_they_are() -> None:
     design = np.zeros((1, 6, 2))
     design[0, :, 0] = 1.0
-    shift = eliminate(design, np.zeros((1, 6, 0)), np.ones((1, 6))).states(np.zeros(0))
+    shift = eliminate(design, np.zeros((1, 6, 0)), np.ones((1, 6))).states(np.zeros(0), np.full(2, 1e6))
     np.testing.assert_allclose(shift, [[1.0, 0.0]], atol=1e-6)
+
+
+def test_a_state_that_hardly_shows_moves_no_farther_than_its_reach() -> None:
+    design = np.zeros((1, 6, 2))
+    design[0, :, 0], design[0, 5, 1] = 1.0, 1e-3
+    residual = np.array([[0.0, 0.0, 0.0, 0.0, 0.0, 1.0]])
+    free, held = (
+        eliminate(design, np.zeros((1, 6, 0)), residual).states(np.zeros(0), np.array([1e9, reach]))
+        for reach in (1e9, 0.5)
+    )
+    assert free[0, 1] > 900.0
+    assert abs(held[0, 1]) < 0.5

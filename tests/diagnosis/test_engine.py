@@ -5,6 +5,7 @@ import numpy as np
 import pytest
 
 from torch_activegp.diagnosis.engine import NOMINAL, Candidate, Engine, substeps_for
+from torch_activegp.diagnosis.machine import make_machine
 from torch_activegp.errors import ConfigurationError
 
 
@@ -96,3 +97,22 @@ def test_a_model_that_cannot_run_in_batches_is_refused(bench, monkeypatch) -> No
     engine = Engine(mujoco.MjModel.from_xml_string(bench.xml), bench.engine.channels, 2, 1)
     with pytest.raises(ConfigurationError, match=r"in batches: no plugins\. Turn that feature off"):
         engine.predict(bench.segments, bench.nominal.starts[None], [NOMINAL])
+
+
+def test_a_stride_of_two_rows_agrees_with_every_row(bench) -> None:
+    """Runge-Kutta over two rows with the mean control, and cubic Hermite between: below the noise."""
+    rk4 = int(mujoco.mjtIntegrator.mjINT_RK4)
+    model = mujoco.MjModel.from_xml_string(bench.xml)
+    one, two = (Engine(model, bench.engine.channels, 1, 1, rk4, stride) for stride in (1, 2))
+    reads = [e.predict(bench.segments, bench.nominal.starts[None], [NOMINAL]) for e in (one, two)]
+    assert np.abs(reads[0][0] - reads[1][0]).max() < 0.4 * bench.noise
+    np.testing.assert_allclose(reads[0][1], reads[1][1], atol=0.05)
+
+
+def test_runs_hold_what_the_limits_of_the_actuators_let_pass(bench, record) -> None:
+    text = bench.xml.replace(
+        'joint="hip"/></actuator>', 'joint="hip" ctrllimited="true" ctrlrange="-0.3 0.2"/></actuator>'
+    )
+    machine = make_machine(mujoco.MjModel.from_xml_string(text), [record()], [record(seed=1)])
+    assert machine.fit[0].control.max() == 0.2
+    assert machine.fit[0].control.min() == -0.3

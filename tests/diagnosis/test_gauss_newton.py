@@ -12,6 +12,9 @@ class Steps:
     def state_columns(self, starts: np.ndarray) -> np.ndarray:
         return np.array([1e-3])
 
+    def state_reach(self) -> np.ndarray:
+        return np.array([1e6])
+
 
 @pytest.fixture
 def line(bench):

@@ -59,7 +59,7 @@ def test_a_bump_in_the_truth_is_located(diagnosed) -> None:
     (entry, *_) = diagnosed("bump").details["location"]
     low, high = entry["region"]["qpos.hip"]
     assert entry["target"] == "joint:hip"
-    assert 0.1 < low < 0.4 < high < 0.7
+    assert 0.1 < low < 0.4 < high < 0.8
 
 
 def test_the_joint_of_an_actuator(bench) -> None:

@@ -27,7 +27,7 @@ def test_the_three_forms_of_a_model(bench) -> None:
 
 def test_a_coarsely_integrated_model_yields_to_the_fine_one(clean) -> None:
     made = Numerics.of(machine(clean, "Euler", 0.01), 1)
-    engine, shooting, nominal, judged = made.choose(clean.segments, clean.shooting.noise, clean.nominal.starts)
+    engine, shooting, nominal, judged = made.choose(clean.segments, clean.shooting.noise, clean.nominal, clean.nominal)
     assert engine is made.fine
     assert nominal is judged
     assert nominal.chi2 / shooting.dof == pytest.approx(1.0, abs=0.2)
@@ -38,14 +38,16 @@ def test_recordings_of_the_model_itself_keep_its_own_time_step(clean) -> None:
     own = made.given.predict(clean.segments, clean.nominal.starts[None], [NOMINAL])[0][0]
     noise = clean.noise * np.random.default_rng(0).normal(size=own.shape)
     segments = dataclasses.replace(clean.segments, position=own + noise)
-    engine, *_ = made.choose(segments, clean.shooting.noise, clean.nominal.starts)
+    engine, *_ = made.choose(segments, clean.shooting.noise, clean.nominal, clean.nominal)
     assert engine is made.given
 
 
 def test_the_numerics_are_judged_with_a_set_where_one_is_given(bench) -> None:
     made = Numerics.of(machine(bench, "Euler", 0.01), 1)
     sets = [((bench.effect("viscous_friction"),), (np.array([0.05]),))]
-    engine, shooting, nominal, judged = made.choose(bench.segments, bench.shooting.noise, bench.nominal.starts, sets)
+    engine, shooting, nominal, judged = made.choose(
+        bench.segments, bench.shooting.noise, bench.nominal, bench.nominal, sets
+    )
     assert engine is made.fine
     assert judged.values[0][0] == pytest.approx(bench.viscous, rel=0.05)
     assert nominal.effects == ()

@@ -3,7 +3,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from torch_activegp.diagnosis.segments import cut
+from torch_activegp.diagnosis.segments import cut, halve
 
 
 @pytest.mark.parametrize(
@@ -62,3 +62,21 @@ def test_pick_and_centers(bench) -> None:
     np.testing.assert_array_equal(some.position, bench.segments.position[[1, 4]])
     np.testing.assert_allclose(some.centers(), bench.segments.centers()[[1, 4]])
     assert some.centers()[0] == pytest.approx(0.01 * (some.first[0] + some.intervals / 2), abs=0.01)
+
+
+def test_halves_hold_the_rows_of_the_whole(make_plain_run) -> None:
+    runs = [make_plain_run(np.arange(201.0)), make_plain_run(np.arange(90.0))]
+    segments = cut(runs, 0.5, 0.1)
+    which = np.zeros(segments.size, dtype=bool)
+    which[[1, segments.size - 1]] = True
+    halved = halve(segments, which)
+    assert halved.size == segments.size + 2
+    assert halved.counts.sum() == segments.counts.sum()
+    np.testing.assert_array_equal(halved.position[halved.counts], segments.position[segments.counts])
+    assert (np.diff(halved.scored, axis=1) > 0).all()
+    np.testing.assert_array_equal(halve(segments, ~which & which).scored, segments.scored)
+
+
+def test_short_segments_are_not_halved(make_plain_run) -> None:
+    segments = cut([make_plain_run(np.zeros(61))], 0.1, 0.0)
+    assert halve(segments, np.ones(segments.size, dtype=bool)).size == segments.size

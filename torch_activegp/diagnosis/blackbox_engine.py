@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import dataclasses
 from collections.abc import Callable, Sequence
 
 import numpy as np
@@ -12,14 +11,11 @@ from torch_activegp.diagnosis.blackbox import BlackBox
 from torch_activegp.diagnosis.candidate import Candidate, grouped
 from torch_activegp.diagnosis.controls import Controls, added
 from torch_activegp.diagnosis.engine import Engine, _padded, substeps_for
-from torch_activegp.diagnosis.fit import Fit
 from torch_activegp.diagnosis.force_gp import Remainder
 from torch_activegp.diagnosis.machine import Machine
-from torch_activegp.diagnosis.noise_model import NoiseModel
-from torch_activegp.diagnosis.numerics import Known, Numerics, Sets
+from torch_activegp.diagnosis.numerics import Numerics
 from torch_activegp.diagnosis.runs import Array, Channels
 from torch_activegp.diagnosis.segments import Segments
-from torch_activegp.diagnosis.shooting import Shooting
 from torch_activegp.errors import ConfigurationError
 from torch_activegp.physics.effect import Effect, Index, Step
 from torch_activegp.physics.friction import AsymmetricCoulomb, CoulombFriction, StribeckFriction
@@ -42,16 +38,18 @@ class BlackBoxEngine(Engine):
         box: the simulator.
         channels: the recorded joints.
         substeps: time steps of the simulator in each interval between rows.
+        late: whether controls come half a time step later; see `GivenNumerics`.
     """
 
-    def __init__(self, box: BlackBox, channels: Channels, substeps: int) -> None:
+    def __init__(self, box: BlackBox, channels: Channels, substeps: int, *, late: bool = False) -> None:
         super().__init__(box.model, channels, substeps)
         self.box = box
+        self.late = late
 
     def _simulate(self, segments: Segments, starts: Array, candidates: Sequence[Candidate]) -> Array:
         count, size, intervals = len(candidates), segments.size, segments.intervals
         rows = count * size
-        control = Controls(segments, candidates, self.substeps, self.model.nu)
+        control = self._controls(segments, candidates)
         force = added(segments.take("force"), [candidate.force for candidate in candidates])
         laws = _Laws(self.channels, segments, candidates)
         states = np.empty((rows, intervals + 1, self.state_size))
@@ -60,11 +58,43 @@ class BlackBoxEngine(Engine):
             for k in range(intervals):
                 held = force[:, :, k].reshape(rows, -1)
                 for j in range(self.substeps):
-                    now = self._advance(now, control(k, j), held, laws)
+                    now = self._advance(now, control[k * self.substeps + j].copy(), held, laws)
                 states[:, k + 1] = now
         states[~np.isfinite(states).all(axis=(1, 2))] = np.nan
         table = states.reshape(count, size, intervals + 1, self.state_size)
-        return _at(table, segments.dt, self.substeps * self.box.simulator.dt)
+        return table if _even(segments.dt, self._interval) else _at(table, segments.dt, self._interval)
+
+    @property
+    def _interval(self) -> float:
+        return self.substeps * self.box.simulator.dt
+
+    def _controls(self, segments: Segments, candidates: Sequence[Candidate]) -> Array:
+        """Controls of all simulations in every time step, ``(K * substeps, N * S, nu)``.
+
+        Rows off the simulator's clock: the mean over each of its steps of what was held from row to row.
+        """
+        control = Controls(segments, candidates, self.substeps, self.model.nu)
+        table = np.stack([control(k, j) for k in range(segments.intervals) for j in range(self.substeps)])
+        if self.late:
+            begun = np.tile(segments.first > 0, len(candidates))[:, None]
+            table = 0.5 * (table + np.concatenate([np.where(begun, control(0, -1), table[0])[None], table[:-1]]))
+        if _even(segments.dt, self._interval):
+            return table
+        length, step, size = len(table), self.box.simulator.dt, segments.size
+        lengths = np.repeat(segments.dt / self.substeps, self.substeps, axis=1)
+        held = table.reshape(length, len(candidates), size, -1)
+        for s in range(size):
+            edges = np.concatenate([[0.0], np.cumsum(lengths[s])])
+            clock = np.minimum(step * np.arange(length + 1), edges[-1])
+            row = np.clip(np.searchsorted(edges, clock, side="right") - 1, 0, length - 1)
+            total = np.concatenate(
+                [np.zeros_like(held[:1, :, s]), np.cumsum(held[:, :, s] * _column(lengths[s]), axis=0)]
+            )
+            until = total[row] + held[row, :, s] * _column(clock - edges[row])
+            span = np.diff(clock)
+            mean = np.diff(until, axis=0) / _column(np.maximum(span, _EXACT))
+            held[:, :, s] = np.where(_column(span) > _EXACT, mean, held[:, :, s])
+        return table
 
     def _advance(self, now: Array, control: Array, held: Array, laws: _Laws) -> Array:
         """One time step of states ``(R, 2 n)`` under controls ``(R, nu)`` and accelerations ``(R, n)``."""
@@ -165,12 +195,19 @@ def _no_field(name: str) -> Array:
     raise ConfigurationError(f"an effect wants to change `{name}` of a MuJoCo model; the simulator is none.")
 
 
+def _even(dt: Array, step: float) -> bool:
+    """Whether intervals ``(S, K)`` follow a clock, s."""
+    return float(np.abs(np.cumsum(dt, axis=1) - step * np.arange(1, dt.shape[1] + 1)).max()) <= _EXACT
+
+
+def _column(values: Array) -> Array:
+    return values[:, None, None]
+
+
 def _at(states: Array, dt: Array, step: float) -> Array:
     """States ``(N, S, K + 1, 2 n)`` on an even grid, read at the rows' own times by cubic Hermite interpolation."""
     size, intervals = dt.shape
     time = np.concatenate([np.zeros((size, 1)), np.cumsum(dt, axis=1)], axis=1)
-    if np.abs(time - step * np.arange(intervals + 1)).max() <= _EXACT:
-        return states
     index = np.clip(np.floor(time / step).astype(np.int64), 0, intervals - 1)
     x = (time / step - index)[..., None]
     segment: NDArray[np.int64] = np.arange(size)[:, None]
@@ -182,37 +219,17 @@ def _at(states: Array, dt: Array, step: float) -> Array:
     return np.concatenate([position, velocity / step], axis=-1)
 
 
-@dataclasses.dataclass(frozen=True)
 class GivenNumerics(Numerics):
-    """The one form of a black box: its integrator and its time step cannot be chosen."""
+    """The forms of a black box: as it is, and with its controls half a time step late.
+
+    Its integrator and its time step cannot be chosen. But semi-implicit Euler, the most common one, is exact to second
+    order once its controls come half a step later, and where it is the simulator's, the recordings say so.
+    """
 
     @classmethod
     def of(cls, machine: Machine, nthread: int = 0) -> Numerics:
-        """Makes it for a machine whose model is a black box."""
+        """Makes them for a machine whose model is a black box."""
         assert machine.box is not None
-        given = engine_of(machine.box, machine)
-        return cls(given, engine_of(machine.box, machine), given)
-
-    def choose(
-        self,
-        segments: Segments,
-        noise: NoiseModel,
-        near: Fit,
-        nominal: Fit,
-        sets: Sets = (),
-        known: Known | None = None,
-    ) -> tuple[Engine, Shooting, Fit, Fit]:
-        """Fits the first of some sets, and the nominal, under that form; see `Numerics.choose`."""
-        working = Shooting(self.given, segments, noise)
-        if known is not None and sets and tuple(sets[0][0]) == near.effects:
-            return known[0], known[1], nominal, near
-        judged = working.fit([*sets[:1], (near.effects, near.values)][:1], near.starts, design=near.design)[0]
-        if not sets:
-            return self.given, working, judged, judged
-        bare = working.fit([((), ())], nominal.starts, design=nominal.design)[0]
-        return self.given, working, bare, judged
-
-
-def engine_of(box: BlackBox, machine: Machine) -> BlackBoxEngine:
-    """The engine of a black box for the runs of a machine."""
-    return BlackBoxEngine(box, machine.channels, substeps_for(box.model, machine.fit))
+        substeps = substeps_for(machine.model, machine.fit)
+        given, late = (BlackBoxEngine(machine.box, machine.channels, substeps, late=late) for late in (False, True))
+        return cls(given, late, given)

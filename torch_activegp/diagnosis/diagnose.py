@@ -9,6 +9,7 @@ import numpy as np
 
 from torch_activegp.data import Recording
 from torch_activegp.diagnosis.blackbox import accelerations
+from torch_activegp.diagnosis.blackbox_engine import BlackBoxEngine
 from torch_activegp.diagnosis.blackbox_simulator import simulator_with
 from torch_activegp.diagnosis.correction import corrected_xml
 from torch_activegp.diagnosis.engine import NOMINAL
@@ -233,7 +234,14 @@ def _recordings(machine: Machine) -> list[dict[str, Any]]:
 def _numerics_note(explanation: Explanation) -> list[str]:
     if not explanation.fine:
         return []
-    model = explanation.engine.model
+    engine = explanation.engine
+    if isinstance(engine, BlackBoxEngine):
+        return [
+            f"The recordings agree better with {engine.box.name} if its controls come half a time step later, as they "
+            "should where it integrates by semi-implicit Euler; that difference is discretisation and is not named. "
+            "The corrected simulator keeps the controls as they are."
+        ]
+    model = engine.model
     return [
         "The recordings agree better with the model integrated more finely than its own time step of "
         f"{model.opt.timestep:g} s says; that difference is discretisation and is not named."

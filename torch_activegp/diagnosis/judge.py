@@ -113,7 +113,7 @@ def judge(shooting: Shooting, selection: Selection) -> Judgement:
     after = omnibus(shooting, best)
     unexplained = after.excess / max(after.excess + gain, 1e-300)
     white = after.p_value > SURE
-    named, retuned = _split(shooting, selection)
+    named, retuned = _split(shooting, selection, rivals)
     order, shares = _shares(shooting, selection, named, 1.0 - unexplained)
     probabilities = tuple(_probability(rivals, effect) for effect in order)
     ties = tuple(_ties(rivals, best, effect) for effect in order)
@@ -141,15 +141,18 @@ def _rivals(selection: Selection) -> tuple[tuple[Fit, float, float], ...]:
     return tuple((f, float(s - scores.min()), float(w)) for f, s, w in zip(ranked, scores, weights, strict=True))
 
 
-def _split(shooting: Shooting, selection: Selection) -> tuple[list[Effect], tuple[Effect, ...]]:
+def _split(
+    shooting: Shooting, selection: Selection, rivals: Sequence[tuple[Fit, float, float]]
+) -> tuple[list[Effect], tuple[Effect, ...]]:
     """Tells effects from nuisances: what a modeller had tuned on these data gains nothing alone.
 
-    A nominal that was tuned on the data sits where damping, gain, rotor and bias gain nothing by themselves; only
-    together with what is missing do they move back.
+    A nominal that was tuned on the data sits where damping, gain, rotor and bias, or what cannot be told from them,
+    gain nothing by themselves; only together with what is missing do they move back.
     """
     best, nominal = selection.best, selection.nominal
-    tunable = [e for e in best.effects if e.tunable]
-    others = [e for e in best.effects if not e.tunable]
+    names = {e.key for fit, _, _ in rivals for e in fit.effects if e.tunable}
+    tunable = [e for e in best.effects if e.tunable or names & set(_ties(rivals, best, e))]
+    others = [e for e in best.effects if e not in tunable]
     if not tunable or not others:
         return list(best.effects), ()
     values = dict(zip(best.effects, best.values, strict=True))

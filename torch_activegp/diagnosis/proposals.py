@@ -17,7 +17,7 @@ Set = tuple[tuple[Effect, ...], tuple[Array, ...]]
 
 MOST = 6
 _TUNED = 0.2
-_BESIDE = 5
+_BESIDE = 8
 _START = 0.15
 
 
@@ -70,10 +70,11 @@ def richer(fit: Fit, effects: Sequence[Effect]) -> list[Set]:
 
 
 def beside_tuned(model: mujoco.MjModel, screened: Screen, excess: float) -> list[Set]:
-    """Effects together with what a modeller tunes on the same joint, where all that seems to be tuned already.
+    """Effects together with what a modeller tunes, where all of that seems to be tuned already.
 
     A nominal that was tuned on these data sits where damping, rotor, gain and bias gain nothing; what is missing hides
-    behind their wrong values and shows only when they are free.
+    behind their wrong values and shows only when they are free: all of them on a small machine, those of the same joint
+    on a larger one.
 
     Args:
         model: nominal model.
@@ -89,7 +90,8 @@ def beside_tuned(model: mujoco.MjModel, screened: Screen, excess: float) -> list
         if atom.effect.tunable:
             continue
         joint = joint_of(model, atom.effect)
-        near = [a for a in tunable if joint is None or joint_of(model, a.effect) == joint][:_BESIDE]
+        near = [a for a in tunable if joint is None or joint_of(model, a.effect) == joint]
+        near = (near if len(tunable) > _BESIDE else tunable)[:_BESIDE]
         if near:
             gain, values = screened.together([atom, *near])
             found.append((gain, atom, near, values))
@@ -100,6 +102,22 @@ def beside_tuned(model: mujoco.MjModel, screened: Screen, excess: float) -> list
         if seen[atom.effect.key] <= 2 and len(chosen) < MOST:
             chosen.append(((atom.effect, *(a.effect for a in near)), tuple(values)))
     return chosen
+
+
+def without_weak(fit: Fit, price: float) -> Set | None:
+    """The fit without all effects whose parameters are worth less than a price each; None where there is none such."""
+    scale = np.sqrt(np.maximum(np.diag(fit.information), 1e-300))
+    inverse = np.linalg.pinv(fit.information / np.outer(scale, scale), rcond=1e-10) / np.outer(scale, scale)
+    first, kept = 0, []
+    for effect, values in zip(fit.effects, fit.values, strict=True):
+        part = slice(first, first + len(values))
+        first += len(values)
+        worth = float(values @ np.linalg.pinv(inverse[part, part]) @ values)
+        if not effect.linear or worth > price * len(values):
+            kept.append((effect, values))
+    if len(kept) in (0, len(fit.effects)):
+        return None
+    return tuple(e for e, _ in kept), tuple(v for _, v in kept)
 
 
 def joint_of(model: mujoco.MjModel, effect: Effect) -> str | None:

@@ -9,7 +9,7 @@ from collections.abc import Callable, Sequence
 import numpy as np
 
 from torch_activegp.diagnosis.fit import Fit
-from torch_activegp.diagnosis.proposals import MOST, beside_tuned, diverse, join, richer
+from torch_activegp.diagnosis.proposals import MOST, beside_tuned, diverse, join, richer, without_weak
 from torch_activegp.diagnosis.runs import Array
 from torch_activegp.diagnosis.screening import Screen, screen
 from torch_activegp.diagnosis.shooting import Shooting
@@ -216,8 +216,9 @@ def _simplify(selection: Selection, shooting: Shooting, effects: Sequence[Effect
             if simpler.target == effect.target and simpler.name in effect.covers and simpler.linear == 1:
                 trials.append([*others, (simpler, np.array([value[: effect.linear].mean()]))])
                 trials += [[*trials[-1], more] for more in _offset(best, effect, value, effects)]
-    fresh = [t for t in trials if frozenset(e for e, _ in t) not in known]
-    sets = [(tuple(e for e, _ in t), tuple(v for _, v in t)) for t in fresh]
+    sets = [(tuple(e for e, _ in t), tuple(v for _, v in t)) for t in trials]
+    fewer = without_weak(best, selection.score.scale * selection.score.price(best.effects[:1]))
+    sets = [s for s in [*sets, *([fewer] if fewer else [])] if frozenset(s[0]) not in known]
     if sets:
         selection.fits += [
             f for f in shooting.fit(sets, best.starts, rounds=4, design=best.design) if np.isfinite(f.chi2)

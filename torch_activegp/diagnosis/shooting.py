@@ -77,7 +77,7 @@ class Shooting:
         return size
 
     def state_reach(self) -> Array:
-        """How far an initial state may sensibly move in one step: as far and as fast as the joint did, ``(nq + nv,)``."""
+        """How far an initial state may sensibly move: as far and as fast as the joint did, ``(nq + nv,)``."""
         model, channels = self.engine.model, self.engine.channels
         reach = np.full(self.engine.state_size, 1.0)
         runs = self.segments.runs

@@ -1,0 +1,86 @@
+from __future__ import annotations
+
+import dataclasses
+
+import mujoco
+import numpy as np
+import pytest
+
+from torch_activegp.diagnosis.proposals import beside_tuned, diverse, join, joint_of, richer, without_weak
+from torch_activegp.diagnosis.screening import screen
+
+
+def test_a_law_takes_over_what_a_simpler_one_explains(bench) -> None:
+    fit = bench.fit("viscous_friction", 0.05)
+    atoms = screen(bench.shooting, fit, bench.effects).best()
+    both = next(a for a in atoms if a.effect.name == "asymmetric_friction" and "viscous_friction" in a.effect.covers)
+    effects, values = join(fit, [both])
+    assert effects == (both.effect,)
+    np.testing.assert_allclose(values[0], both.values + fit.values[0][0])
+    spring = next(a for a in atoms if a.effect.name == "linear_spring")
+    assert [e.name for e in join(fit, [spring])[0]] == ["viscous_friction", "linear_spring"]
+
+
+def test_richer_laws_start_as_the_law_that_they_contain(bench) -> None:
+    fit = bench.fit("coulomb_friction", 0.01)
+    sets = richer(fit, bench.effects)
+    names = {effects[0].name for effects, _ in sets}
+    assert names == {"stribeck_friction", "asymmetric_friction"}
+    for effects, values in sets:
+        assert values[0][0] == pytest.approx(fit.values[0][0])
+        if effects[0].name == "asymmetric_friction":
+            assert values[0][1] == pytest.approx(fit.values[0][0])
+    assert richer(bench.nominal, bench.effects) == []
+
+
+def test_no_more_than_two_of_a_kind(bench) -> None:
+    atoms = list(screen(bench.shooting, bench.nominal, bench.effects).atoms)
+    chosen = diverse(atoms, 8)
+    keys = [atom.effect.key for atom in chosen]
+    assert len(chosen) == 8
+    assert max(keys.count(key) for key in keys) <= 2
+
+
+def test_sets_beside_the_tuned_only_where_nothing_tunable_gains(bench) -> None:
+    """Friction is tunable: where it explains all, nothing was tuned; beside a far larger mismatch, all seems to be."""
+    screened = screen(bench.shooting, bench.nominal, bench.effects)
+    excess = bench.nominal.chi2 - bench.shooting.dof
+    model = bench.engine.model
+    assert beside_tuned(model, screened, excess) == []
+    sets = beside_tuned(model, screened, 1e3 * excess)
+    assert sets
+    for effects, values in sets:
+        assert not effects[0].tunable
+        assert all(effect.tunable for effect in effects[1:])
+        assert len(values) == len(effects)
+
+
+def test_together_equals_the_gain_of_the_pair(bench) -> None:
+    screened = screen(bench.shooting, bench.nominal, bench.effects)
+    first, second = screened.best()[:2]
+    gain, values = screened.together([first, second])
+    assert gain == screened.joint_gain([first, second]) >= max(first.gain, second.gain) - 1e-6
+    assert [v.shape for v in values] == [first.values.shape, second.values.shape]
+
+
+def test_the_joint_of_an_effect(bench) -> None:
+    model = bench.engine.model
+    for name, target in (
+        ("viscous_friction", "joint:hip"),
+        ("actuator_gain", "actuator:drive"),
+        ("payload_mass", "body:rod"),
+        ("sensor_bias", "sensor:hip"),
+    ):
+        assert joint_of(model, bench.effect(name, target)) == "hip"
+    assert joint_of(model, bench.effect("gravity_error", "world")) is None
+    ball = mujoco.MjModel.from_xml_string(bench.xml.replace('name="rod"', 'name="bar"'))
+    assert joint_of(ball, dataclasses.replace(bench.effect("payload_mass", "body:rod"))) is None
+
+
+def test_weak_effects_leave_together(bench) -> None:
+    effects = tuple(bench.effect(name) for name in ("viscous_friction", "constant_force", "armature_error"))
+    fit = bench.shooting.fit([(effects, tuple(np.array([0.01]) for _ in effects))], bench.nominal.starts)[0]
+    fewer = without_weak(fit, 20.0)
+    assert fewer is not None
+    assert [e.name for e in fewer[0]] == ["viscous_friction"]
+    assert without_weak(bench.fit("viscous_friction", 0.05), 20.0) is None
