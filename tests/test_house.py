@@ -45,9 +45,8 @@ def test_the_ci_script_runs_exactly_the_marked_block(tmp_path: Path) -> None:
 
 def test_constraints_pin_every_dependency_of_the_project() -> None:
     project = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]
-    wanted = {
-        re.split(r"[\[<>=]", name)[0] for name in project["dependencies"] + project["optional-dependencies"]["dev"]
-    }
+    extras = [name for names in project["optional-dependencies"].values() for name in names]
+    wanted = {re.split(r"[\[<>=]", name)[0] for name in project["dependencies"] + extras}
     pins = (ROOT / "constraints.txt").read_text(encoding="utf-8").split()
     assert all(re.fullmatch(r"[\w.-]+==[\w.]+", pin) for pin in pins)
     assert wanted <= {pin.split("==")[0] for pin in pins}

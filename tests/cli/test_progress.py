@@ -102,3 +102,21 @@ def test_stages_get_a_bar_on_a_terminal() -> None:
         progress.tell("naming", 0.5)
         progress._bar.refresh()
     assert "diagnosing: naming, about 5 s left" in file.getvalue()
+
+
+def test_what_is_done_now_is_shown_and_other_things_than_episodes_are_counted() -> None:
+    clock, file = Clock(), io.StringIO()
+    with EpisodeProgress(Console(file=file), "diagnosing", 3, unit="machines", interval=10, clock=clock) as progress:
+        progress.tell("arm: reading")
+        clock.now += 11
+        progress.tell("arm: [naming]")
+        clock.now += 11
+        progress.advance()
+    assert file.getvalue().splitlines() == [
+        "diagnosing: 0 of 3 machines; arm: [naming]",
+        "diagnosing: 1 of 3 machines; arm: [naming]",
+    ]
+    terminal = io.StringIO()
+    with EpisodeProgress(Console(file=terminal, force_terminal=True, width=120), "diagnosing", 3) as progress:
+        progress.tell("arm: [naming]")
+    assert "arm: [naming]" in terminal.getvalue()

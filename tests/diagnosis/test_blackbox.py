@@ -17,7 +17,7 @@ from torch_activegp.diagnosis.blackbox import BlackBox, accelerations, check_clo
 from torch_activegp.diagnosis.places import effects_for
 from torch_activegp.diagnosis.runs import Channels, make_run
 from torch_activegp.errors import ConfigurationError, DataError, SimulationError
-from torch_activegp.simulators import ActionSpace, FunctionSimulator, StateSpace
+from torch_activegp.simulators import ActionSpace, FunctionSimulator, StateSpace, semi_implicit_euler
 
 INF = float("inf")
 
@@ -161,7 +161,16 @@ def test_nothing_is_named_where_nothing_was_left_out(black) -> None:
     assert (found.verdict, found.effects) == ("none", ())
     assert found.corrected is simulator
     assert any("act as accelerations" in note for note in found.details["notes"])
-    assert not any("more finely" in note for note in found.details["notes"])
+    assert not any("half a time step" in note for note in found.details["notes"])
+
+
+def test_discretisation_is_not_named(black) -> None:
+    """Semi-implicit Euler looks as if the controls of the truth came half a time step late."""
+    simulator = black.simulator()
+    simulator.integrator = semi_implicit_euler
+    found = diagnose(simulator, [black.record("none", i) for i in range(3)], [black.record("none", 9)])
+    assert (found.verdict, found.effects) == ("none", ())
+    assert any("half a time step later" in note for note in found.details["notes"])
 
 
 def test_damping_and_a_spring_are_named_with_their_parameters(black, tmp_path) -> None:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import dataclasses
+
 import numpy as np
 import pytest
 import torch
@@ -15,10 +17,12 @@ from torch_activegp.diagnosis.machine import make_machine
 from torch_activegp.diagnosis.noise_model import NoiseModel
 from torch_activegp.diagnosis.places import effects_for
 from torch_activegp.diagnosis.segments import cut
+from torch_activegp.diagnosis.shooting import Shooting
 from torch_activegp.physics.effect import Effect
-from torch_activegp.simulators import ActionSpace, OdeSimulator, StateSpace
+from torch_activegp.simulators import ActionSpace, OdeSimulator, StateSpace, rk4, semi_implicit_euler
 
 RATE = 100
+_NOISE = NoiseModel.white(np.array([1e-3]))
 
 
 def mass(dt: float = 1 / RATE) -> OdeSimulator:
@@ -163,25 +167,42 @@ def test_a_sample_that_diverges_leaves_the_others_alone() -> None:
     np.testing.assert_allclose(read[1, 0, :, 0], bench.time, atol=1e-9)
 
 
-def test_there_is_one_form_to_choose() -> None:
-    bench = Bench(still)
-    numerics = GivenNumerics.of(bench.machine)
-    assert numerics.fine is not numerics.given
-    segments, noise = cut(bench.machine.fit, 0.5, 0.0), NoiseModel.white(np.array([1e-3]))
-    starts = numerics.given.starts(segments)
-    engine, working, nominal, judged = numerics.choose(segments, noise, first := fit(numerics, segments, noise), first)
-    assert engine is working.engine is numerics.given
-    assert judged is nominal
-    sets = [((bench.find("linear_spring"),), (np.array([1.0]),))]
-    _, working, bare, best = numerics.choose(segments, noise, first, first, sets)
-    assert (bare.effects, best.effects) == ((), sets[0][0])
-    assert best.chi2 < bare.chi2
-    assert numerics.choose(segments, noise, best, bare, sets, (engine, working))[3] is best
-    assert starts.shape == (segments.size, 2)
+def test_controls_off_the_clock_act_when_they_did() -> None:
+    """A control that switches between two rows, each off the clock by up to a fifth of an interval."""
+    time = np.arange(101) / RATE
+    time[1:-1] += np.random.default_rng(0).uniform(-0.002, 0.002, 99)
+    states = Bench(lambda t: np.where(t < time[40], 0.0, 1.0), time=time).go([0.0, 0.0])
+    since = np.maximum(time - time[40], 0.0)
+    np.testing.assert_allclose(states[:, 0], since**2 / 2, atol=2e-5)
+    np.testing.assert_allclose(states[45:, 1], since[45:], atol=1e-9)
 
 
-def fit(numerics, segments, noise):
-    from torch_activegp.diagnosis.shooting import Shooting
+def test_semi_implicit_euler_is_exact_to_second_order_once_its_controls_are_late(black) -> None:
+    recordings, errors = [black.record("none", 0, 1.0)], {}
+    for dt in (0.02, 0.01):
+        simulator = black.simulator(dt)
+        simulator.integrator = semi_implicit_euler
+        machine = make_machine(BlackBox.of(simulator).model, recordings, recordings)
+        truth = BlackBoxEngine(BlackBox.of(black.simulator(0.005)), machine.channels, 4)
+        segments = cut(machine.fit, 0.3, 0.0)
+        start = truth.trajectories(segments, truth.starts(segments), NOMINAL)
+        for late in (False, True):
+            engine = BlackBoxEngine(BlackBox.of(simulator), machine.channels, round(0.02 / dt), late=late)
+            shooting = Shooting(engine, dataclasses.replace(segments, position=start[..., :1]), _NOISE)
+            errors[dt, late] = np.sqrt(shooting.fit([((), ())], start[:, 0])[0].chi2)
+    assert errors[0.02, True] < 0.1 * errors[0.02, False]
+    assert errors[0.01, True] < 0.35 * errors[0.02, True]
 
-    shooting = Shooting(numerics.given, segments, noise)
-    return shooting.fit([((), ())], numerics.given.starts(segments))[0]
+
+def test_there_are_two_forms_to_choose(black) -> None:
+    for name, integrator in (("given", rk4), ("fine", semi_implicit_euler)):
+        simulator, recordings = black.simulator(), [black.record("none", 0)]
+        simulator.integrator = integrator
+        box = BlackBox.of(simulator)
+        numerics = GivenNumerics.of(machine := make_machine(box.model, recordings, recordings, box))
+        assert (numerics.given.late, numerics.fine.late, numerics.coarse) == (False, True, numerics.given)
+        segments = cut(machine.fit, 0.5, 0.1)
+        first = Shooting(numerics.given, segments, _NOISE).fit([((), ())], numerics.given.starts(segments))[0]
+        engine, _, nominal, _ = numerics.choose(segments, _NOISE, first, first)
+        assert engine is getattr(numerics, name)
+        assert nominal.chi2 < 1.3 * segments.counts.sum()

@@ -14,8 +14,8 @@ from typer.core import TyperGroup
 
 from torch_activegp.errors import ActiveGPError
 
-USAGE, INTERRUPTED = 2, 130
-"""Exit codes: input that the user can mend; Ctrl-C."""
+FAILED, USAGE, INTERRUPTED = 1, 2, 130
+"""Exit codes: some of many failed; input that the user can mend; Ctrl-C."""
 
 console = Console(stderr=True)
 """For progress, notes and errors."""
@@ -67,8 +67,8 @@ def _describe(
 
     Your machine:  `torch-activegp diagnose model.xml run1.csv run2.csv --holdout run3.csv`
 
-    Every command explains itself with --help. Exit codes: 0 done, 2 input that you can mend (one message says how),
-    130 interrupted.
+    Every command explains itself with --help. Exit codes: 0 done, 1 some of many machines failed, 2 input that you can
+    mend (one message says how), 130 interrupted.
     """
 
 

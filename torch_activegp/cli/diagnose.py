@@ -50,12 +50,15 @@ def diagnose(
 
     Your own:  `torch-activegp diagnose arm.xml run1.csv run2.csv --holdout run3.csv`
 
+    In torch:  `torch-activegp diagnose package.module:factory run1.csv run2.csv --holdout run3.csv`
+
     Positions are enough. The verdict comes first; then the effects with their share of the mismatch, their probability
     against every rival, and their parameters with 95 % intervals; then the errors on the held-out recordings before and
-    after the correction, in standard deviations of what was measured.
+    after the correction, in standard deviations of what was measured. On a simulator in torch, effects act as
+    accelerations, and its time step must fit the recordings.
 
-    Writes diagnosis.json, report.html (one file, needs no network), corrected.xml (where MJCF can hold the effects),
-    next.csv (controls that would tell rivals apart) and settings.json.
+    Writes diagnosis.json, report.html (one file, needs no network), corrected.xml (where MJCF can hold the effects;
+    not for a simulator in torch), next.csv (controls that would tell rivals apart) and settings.json.
     """
     began = time.perf_counter()
     settings = {

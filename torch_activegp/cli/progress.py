@@ -18,6 +18,7 @@ class EpisodeProgress:
         console: where to show it.
         title: what is being done.
         total: number of episodes, with those of an earlier run.
+        unit: what is counted, if not episodes.
         interval: time between two lines where there is no terminal, s.
         clock: the present time, s.
     """
@@ -28,10 +29,12 @@ class EpisodeProgress:
         title: str,
         total: int,
         *,
+        unit: str = "episodes",
         interval: float = 10.0,
         clock: Callable[[], float] = time.monotonic,
     ) -> None:
-        self.console, self.title, self.total = console, title, total
+        self.console, self.title, self.total, self.unit = console, title, total, unit
+        self._words = ""
         self.interval, self.clock = interval, clock
         self.done = self.restored = 0
         self._first: float | None = None
@@ -40,11 +43,12 @@ class EpisodeProgress:
             TextColumn("{task.description}"),
             BarColumn(bar_width=20),
             MofNCompleteColumn(),
-            TextColumn("episodes{task.fields[left]},"),
+            TextColumn(f"{unit}{{task.fields[left]}},"),
             TimeElapsedColumn(),
+            TextColumn("{task.fields[words]}", markup=False),
         )
         self._bar = Progress(*columns, console=console, redirect_stdout=sys.stdout.isatty())
-        self._bar_task = self._bar.add_task(title, total=total, left="")
+        self._bar_task = self._bar.add_task(title, total=total, left="", words="")
 
     def __enter__(self) -> EpisodeProgress:
         """Show the bar."""
@@ -79,11 +83,22 @@ class EpisodeProgress:
         if self._first is None and not restored:
             self._first = now
         self._bar.update(self._bar_task, completed=self.done, left=self._left())
-        if not self.console.is_terminal and not restored and now - self._shown >= self.interval:
-            self._shown = now
-            self.console.print(
-                f"{self.title}: {self.done} of {self.total} episodes{self._left()}", highlight=False, soft_wrap=True
-            )
+        if not restored:
+            self._print(now)
+
+    def tell(self, words: str) -> None:
+        """Show what is being done now."""
+        self._words = words
+        self._bar.update(self._bar_task, words=words)
+        self._print(self.clock())
+
+    def _print(self, now: float) -> None:
+        if self.console.is_terminal or now - self._shown < self.interval:
+            return
+        self._shown = now
+        line = f"{self.title}: {self.done} of {self.total} {self.unit}{self._left()}"
+        words = f"; {self._words}" if self._words else ""
+        self.console.print(line + words, highlight=False, markup=False, soft_wrap=True)
 
     def _left(self) -> str:
         return "" if self.seconds_left is None else f", about {show_time(self.seconds_left)} left"

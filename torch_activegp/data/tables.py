@@ -130,3 +130,5 @@ _READERS: dict[str, Callable[[Path], pd.DataFrame]] = {
     ".mat": _read_mat,
     "folder": _read_memmap,
 }
+SUFFIXES = tuple(suffix for suffix in _READERS if suffix != "folder")
+"""Endings of the files that can be read."""

@@ -1,8 +1,9 @@
 """Why a simulator and recordings differ."""
 
+from torch_activegp.diagnosis.blackbox_simulator import AcceleratedSimulator
 from torch_activegp.diagnosis.diagnose import diagnose
 from torch_activegp.diagnosis.evaluate import evaluate
 from torch_activegp.diagnosis.result import Diagnosis, Estimate, NamedEffect
 from torch_activegp.diagnosis.simulator import EffectSimulator
 
-__all__ = ["Diagnosis", "EffectSimulator", "Estimate", "NamedEffect", "diagnose", "evaluate"]
+__all__ = ["AcceleratedSimulator", "Diagnosis", "EffectSimulator", "Estimate", "NamedEffect", "diagnose", "evaluate"]

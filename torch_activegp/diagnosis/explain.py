@@ -22,6 +22,8 @@ from torch_activegp.diagnosis.shooting import Shooting
 from torch_activegp.physics.effect import Effect
 
 SECONDS = 1.0
+ROWS = 45
+"""A segment holds at least so many rows: what is sampled slowly is watched longer."""
 PAD = 0.1
 _SHORTEST = 0.25
 _FAR = 60.0
@@ -114,7 +116,8 @@ def _longest(machine: Machine, numerics: Numerics, noise: NoiseModel, too_far: f
 
     A segment is halved where the nominal is too far from it, or where a small error of the initial state grows much.
     """
-    segments = cut(machine.fit, SECONDS, PAD)
+    step = float(np.median(np.concatenate([run.dt for run in machine.fit])))
+    segments = cut(machine.fit, max(SECONDS, ROWS * step), PAD)
     while True:
         shooting = Shooting(numerics.given, segments, noise)
         given = shooting.fit([((), ())], shooting.engine.starts(segments), rounds=6)[0]

@@ -145,10 +145,11 @@ class Problem:
         if not self._settling:
             return
         self._settling = 0 if self.finished else self._settling - 1
-        if not self._settling and not last:
-            assert self._best is not None
-            self.finished, self._columns, self._damping = False, None, _FIRST_DAMPING
-            self._trial, self._trial_starts = np.asarray(self._best["flat"]), np.asarray(self._best["starts"])
+        if self._settling or last:
+            return
+        assert self._best is not None
+        self.finished, self._columns, self._damping = False, None, _FIRST_DAMPING
+        self._trial, self._trial_starts = np.asarray(self._best["flat"]), np.asarray(self._best["starts"])
 
     def _better(self, residual: Array, per_segment: Array, fresh: bool, last: bool) -> None:
         """Takes a step that helped, or the point where the derivatives were taken."""

@@ -27,6 +27,9 @@ VISIBLE = 0.3
 """A mismatch without any name must be this large a part of the noise: floors are known no better."""
 VISIBLE_IN_COLOUR = 1.5
 """The same where the noise is coloured."""
+SLOW = 1 / 30
+VISIBLE_WHEN_SLOW = 12.0
+"""The same for recordings below 30 Hz, as from video: their differences hardly show slow errors of the recorder."""
 
 
 @dataclasses.dataclass(frozen=True)
@@ -130,6 +133,8 @@ def judge(shooting: Shooting, selection: Selection) -> Judgement:
 def _visible(shooting: Shooting, before: Omnibus) -> bool:
     """Whether a mismatch without a name is large enough to be believed."""
     least = VISIBLE_IN_COLOUR if shooting.noise.colour.any() else VISIBLE
+    if float(np.median(shooting.segments.dt)) > SLOW:
+        least = VISIBLE_WHEN_SLOW
     return before.p_value < SURE and before.excess > least * shooting.dof
 
 

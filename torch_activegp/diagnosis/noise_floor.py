@@ -18,6 +18,7 @@ _NARROW = 0.3
 _COLOURED = 0.4
 _COMPLETE = 0.9
 _JITTER = 0.02
+_FINEST = 3e-5
 
 
 def noise_floor(runs: Sequence[Run]) -> NoiseModel:
@@ -25,12 +26,14 @@ def noise_floor(runs: Sequence[Run]) -> NoiseModel:
 
     High differences measure white noise. A filter in the encoder makes noise whose differences are small though its
     level is not; it shows in the spectrum above the machine's motion, which is flat for white noise. Recordings slower
-    than 67 Hz leave no such band: their noise counts as white.
+    than 67 Hz leave no such band: their noise counts as white. No floor is below 3e-5 of the motion: rigid bodies, and
+    the arithmetic that simulates them, are no more exact than that.
 
     Args:
         runs: at least one.
     """
-    scale = np.sqrt(np.mean([run.noise**2 for run in runs], axis=0)) + 1e-12
+    spread = np.sqrt(np.mean([run.position.var(axis=0) for run in runs], axis=0))
+    scale = np.maximum(np.sqrt(np.mean([run.noise**2 for run in runs], axis=0)), _FINEST * spread) + 1e-12
     colour = np.zeros((len(scale), 2))
     for channel in range(len(scale)):
         found = _colour(runs, channel)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 from collections.abc import Iterable, Sequence
 
 import mujoco
@@ -19,6 +20,8 @@ MOST = 6
 _TUNED = 0.2
 _BESIDE = 8
 _START = 0.15
+_LITTLE = 0.15
+_HOLDING = frozenset({"coulomb_friction", "stribeck_friction", "asymmetric_friction"})
 
 
 def diverse(atoms: Sequence[Atom], most: int = MOST) -> list[Atom]:
@@ -33,6 +36,22 @@ def diverse(atoms: Sequence[Atom], most: int = MOST) -> list[Atom]:
         if len(chosen) == most:
             break
     return chosen
+
+
+def also_little(atoms: Sequence[Atom]) -> list[Sequence[Atom]]:
+    """The atoms, and where one of them can hold a joint, the same with a little of it.
+
+    Too much dry friction holds the joint and no derivative shows the way back; too little of it is only slow.
+    """
+    if not any(atom.effect.name in _HOLDING for atom in atoms):
+        return [atoms]
+    less = [
+        dataclasses.replace(a, values=np.where(np.arange(len(a.values)) < a.effect.linear, _LITTLE, 1.0) * a.values)
+        if a.effect.name in _HOLDING
+        else a
+        for a in atoms
+    ]
+    return [atoms, less]
 
 
 def join(fit: Fit, atoms: Iterable[Atom]) -> Set:

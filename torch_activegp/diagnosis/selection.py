@@ -9,7 +9,7 @@ from collections.abc import Callable, Sequence
 import numpy as np
 
 from torch_activegp.diagnosis.fit import Fit
-from torch_activegp.diagnosis.proposals import MOST, beside_tuned, diverse, join, richer, without_weak
+from torch_activegp.diagnosis.proposals import MOST, also_little, beside_tuned, diverse, join, richer, without_weak
 from torch_activegp.diagnosis.runs import Array
 from torch_activegp.diagnosis.screening import Screen, screen
 from torch_activegp.diagnosis.shooting import Shooting
@@ -187,7 +187,7 @@ def _proposals(selection: Selection, fit: Fit, screened: Screen) -> list[tuple[t
     worth = [(a.gain / scale - price([a.effect]), (a,)) for a in best[: 4 * MOST]]
     worth = [w for w in worth if w[0] > 0.0]
     atoms = diverse([a for _, (a,) in sorted(worth, key=lambda w: -w[0])])
-    chosen = [(a.gain / scale - price([a.effect]), (a,)) for a in atoms]
+    chosen: list[tuple[float, tuple[Atom, ...]]] = [(a.gain / scale - price([a.effect]), (a,)) for a in atoms]
     leaders = best[:12]
     pairs = [
         (screened.joint_gain(pair) / scale - price([a.effect for a in pair]), pair)
@@ -200,7 +200,7 @@ def _proposals(selection: Selection, fit: Fit, screened: Screen) -> list[tuple[t
     single = chosen[0][0] if chosen else 0.0
     if pairs and pairs[0][0] > single + 20.0 and len(fit.effects) + 2 <= MAX_EFFECTS:
         chosen += pairs[:2]
-    return [join(fit, atoms) for _, atoms in chosen]
+    return [join(fit, some) for _, atoms in chosen for some in also_little(atoms)]
 
 
 def _simplify(selection: Selection, shooting: Shooting, effects: Sequence[Effect]) -> None:

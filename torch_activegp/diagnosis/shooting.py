@@ -97,7 +97,7 @@ class Shooting:
         self,
         sets: Sequence[tuple[Sequence[Effect], Sequence[Array]]],
         starts: Array,
-        rounds: int = 16,
+        rounds: int = 20,
         race: bool = False,
         hold: bool = False,
         design: Array | None = None,

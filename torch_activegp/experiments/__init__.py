@@ -4,6 +4,7 @@ from torch_activegp.experiments.bounds import set_bounds
 from torch_activegp.experiments.claims import Claim, check_claims
 from torch_activegp.experiments.evaluation import GridEvaluation
 from torch_activegp.experiments.figures import draw_figures
+from torch_activegp.experiments.fleet import Job, diagnose_all
 from torch_activegp.experiments.learn import Learned
 from torch_activegp.experiments.learned_model import load_learned, save_learned
 from torch_activegp.experiments.methods import METHODS, PAPER_METHODS, Budget, Method, make_loop
@@ -34,6 +35,7 @@ __all__ = [
     "Claim",
     "GPSettings",
     "GridEvaluation",
+    "Job",
     "Learned",
     "Method",
     "Step",
@@ -41,6 +43,7 @@ __all__ = [
     "Trial",
     "UserSimulator",
     "check_claims",
+    "diagnose_all",
     "draw_figures",
     "load_learned",
     "make_loop",

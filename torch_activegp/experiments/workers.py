@@ -57,9 +57,9 @@ def run_jobs(
     if num_processes <= 1:
         return dict(_do(work, tell, job) for job in jobs)
     try:
-        with _heard_by(tell) as tell_parent:
+        with heard_by(tell) as tell_parent:
             pool = Parallel(num_processes, backend="loky", return_as="generator_unordered", batch_size=1)
-            with _interrupts_ignored():
+            with interrupts_ignored():
                 results = pool(delayed(_do)(work, tell_parent, job) for job in jobs)
             return dict(results)
     except BrokenProcessPool as error:
@@ -81,7 +81,7 @@ def _do(work: Callable[[Any], Iterable[Any]], tell: Tell, job: Any) -> tuple[Any
 
 
 @contextmanager
-def _heard_by(tell: Tell) -> Iterator[Tell]:
+def heard_by(tell: Tell) -> Iterator[Tell]:
     """A function for other processes that calls one of this process, in a thread."""
     with Listener(backlog=64) as listener:
         thread = threading.Thread(target=_hear, args=(listener, tell), daemon=True)
@@ -113,7 +113,7 @@ def _tell_parent(address: Any, message: Any) -> None:
 
 
 @contextmanager
-def _interrupts_ignored() -> Iterator[None]:
+def interrupts_ignored() -> Iterator[None]:
     """Processes that start now leave Ctrl-C to this one, which ends them."""
     if threading.current_thread() is not threading.main_thread():
         yield
