@@ -6,7 +6,7 @@ import mujoco
 import numpy as np
 import pytest
 
-from torch_activegp.diagnosis.proposals import beside_tuned, diverse, join, joint_of, richer, without_weak
+from torch_activegp.diagnosis.proposals import also_little, beside_tuned, diverse, join, joint_of, richer, without_weak
 from torch_activegp.diagnosis.screening import screen
 
 
@@ -84,3 +84,15 @@ def test_weak_effects_leave_together(bench) -> None:
     assert fewer is not None
     assert [e.name for e in fewer[0]] == ["viscous_friction"]
     assert without_weak(bench.fit("viscous_friction", 0.05), 20.0) is None
+
+
+def test_friction_that_can_hold_a_joint_is_also_tried_small(bench) -> None:
+    atoms = screen(bench.shooting, bench.nominal, bench.effects).best()
+    dry = next(a for a in atoms if a.effect.name == "stribeck_friction")
+    spring = next(a for a in atoms if a.effect.name == "linear_spring")
+    assert also_little((spring,)) == [(spring,)]
+    full, less = also_little((dry, spring))
+    assert full == (dry, spring)
+    np.testing.assert_allclose(less[0].values[:2], 0.15 * dry.values[:2])
+    assert less[0].values[2] == dry.values[2]
+    assert less[1] is spring

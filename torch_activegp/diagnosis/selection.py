@@ -11,7 +11,7 @@ import numpy as np
 from torch_activegp.diagnosis.fit import Fit
 from torch_activegp.diagnosis.proposals import MOST, also_little, beside_tuned, diverse, join, richer, without_weak
 from torch_activegp.diagnosis.runs import Array
-from torch_activegp.diagnosis.screening import Screen, screen
+from torch_activegp.diagnosis.screening import Atom, Screen, screen
 from torch_activegp.diagnosis.shooting import Shooting
 from torch_activegp.physics.effect import Effect
 
