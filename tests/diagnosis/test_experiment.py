@@ -85,3 +85,8 @@ def test_nothing_is_proposed_without_two_rivals_or_without_controls(bench, rival
     assert next_experiment(bench.engine, rivals[:1], *arguments) is None
     model = mujoco.MjModel.from_xml_string(bench.xml.split("<actuator>")[0] + "</mujoco>")
     assert next_experiment(Engine(model, bench.engine.channels, 2, 1), rivals, *arguments) is None
+
+
+def test_rivals_that_no_control_tells_apart_ask_for_no_experiment(bench, rivals) -> None:
+    arguments = (bench.engine, [rivals[0], rivals[0]], bench.machine.fit, bench.shooting.noise, 0)
+    assert next_experiment(*arguments) is None

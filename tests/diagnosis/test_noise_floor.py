@@ -46,3 +46,8 @@ def test_a_short_run_a_broken_one_and_a_slow_one_count_as_white(make_plain_run) 
     slow = dataclasses.replace(whole, time=whole.time * 4)
     for run in (make_plain_run(noise[:200]), broken, slow):
         assert not noise_floor([run]).colour.any()
+
+
+def test_no_floor_is_below_what_rigid_bodies_hold(make_plain_run) -> None:
+    run = make_plain_run(motion(1000), noise=1e-12)
+    assert noise_floor([run]).scale[0] == pytest.approx(3e-5 * motion(1000).std(), rel=1e-6)

@@ -212,8 +212,12 @@ def _proposal(
 ) -> tuple[dict[str, Any], str] | None:
     if judgement.verdict == "none":
         return None
-    rivals: list[Fit] = [fit for fit, _, _ in judgement.rivals[:2]]
-    return next_experiment(explanation.engine, rivals, machine.fit, explanation.shooting.noise, seed)
+    best, *others = [fit for fit, _, _ in judgement.rivals[:4]]
+    for rival in others:
+        found = next_experiment(explanation.engine, [best, rival], machine.fit, explanation.shooting.noise, seed)
+        if found is not None:
+            return found
+    return None
 
 
 def _recordings(machine: Machine) -> list[dict[str, Any]]:

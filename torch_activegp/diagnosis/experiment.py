@@ -15,6 +15,8 @@ from torch_activegp.diagnosis.segments import cut
 
 SECONDS = 5.0
 _TRIALS = 24
+_LEAST = 4.0
+"""Models that differ by less chi2 than this are not told apart by one more recording."""
 
 
 def next_experiment(
@@ -32,7 +34,8 @@ def next_experiment(
         seed: of the random controls.
 
     Returns:
-        The entry of ``diagnosis.json`` and the CSV text; None for a machine without controls or without two rivals.
+        The entry of ``diagnosis.json`` and the CSV text; None for a machine without controls, without two
+        rivals, or where no trial tells them apart.
     """
     model = engine.model
     if model.nu == 0 or len(rivals) < 2:
@@ -65,6 +68,8 @@ def next_experiment(
     predicted, _ = engine.predict(segments, np.repeat(states, 2, axis=0), both)
     apart = np.nan_to_num((((predicted[0] - predicted[1]) / noise.scale) ** 2).sum(axis=(1, 2)), posinf=0.0)
     best = int(np.argmax(apart))
+    if apart[best] < _LEAST:
+        return None
     names = [sorted({name for name, _ in fit.keys}) or ["no effect"] for fit in rivals[:2]]
     words = [" + ".join(n) for n in names]
     gain = float(apart[best])
