@@ -63,9 +63,14 @@ def test_sets_that_score_alike_are_a_tie(bench) -> None:
     assert judge(bench.shooting, selection(bench, fit, far)).verdict == "named"
 
 
-def test_shares_go_by_what_each_adds(bench) -> None:
+def test_shares_go_by_what_each_adds_and_next_to_nothing_is_not_named(bench, monkeypatch) -> None:
     effects = (bench.effect("constant_force"), bench.effect("viscous_friction"))
     both = bench.shooting.fit([(effects, (np.array([0.0]), np.array([0.05])))], bench.nominal.starts)[0]
+    judged = judge(bench.shooting, selection(bench, both))
+    assert [effect.name for effect in judged.named] == ["viscous_friction"]
+    assert [effect.name for effect in judged.retuned] == ["constant_force"]
+    assert judged.fit.effects == effects
+    monkeypatch.setattr("torch_activegp.diagnosis.judge.LEAST_SHARE", 0.0)
     judged = judge(bench.shooting, selection(bench, both))
     assert [effect.name for effect in judged.named] == ["viscous_friction", "constant_force"]
     assert judged.shares[0] > 0.95 > 0.05 > judged.shares[1] >= 0.0

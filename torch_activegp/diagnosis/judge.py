@@ -18,6 +18,8 @@ from torch_activegp.physics.effect import Effect
 
 TIE = 6.0
 """Sets whose scores differ by less (odds of 20 to 1) are not told apart."""
+LEAST_SHARE = 0.002
+"""What explains less of the mismatch stays in the correction and is not named."""
 RETUNED = 0.1
 """What was tuned gains less than this part alone of what it gains beside the missing effect."""
 INADEQUATE = 0.15
@@ -78,7 +80,7 @@ class Judgement:
         shares: part of the mismatch that each explains.
         probabilities: of each.
         ties: of each, (name, target) pairs.
-        retuned: effects of the set that undo a tuning of the nominal.
+        retuned: effects of the set that are not named: they undo a tuning of the nominal, or explain next to nothing.
         unexplained: part of the mismatch that is left.
         white: whether what is left is noise.
         p_value: of the mismatch.
@@ -118,6 +120,9 @@ def judge(shooting: Shooting, selection: Selection) -> Judgement:
     white = after.p_value > SURE
     named, retuned = _split(shooting, selection, rivals)
     order, shares = _shares(shooting, selection, named, 1.0 - unexplained)
+    kept = [i for i, share in enumerate(shares) if share >= LEAST_SHARE] or [0]
+    retuned = (*retuned, *(effect for i, effect in enumerate(order) if i not in kept))
+    order, shares = tuple(order[i] for i in kept), tuple(shares[i] for i in kept)
     probabilities = tuple(_probability(rivals, effect) for effect in order)
     ties = tuple(_ties(rivals, best, effect) for effect in order)
     p_value = min(before.p_value, float(stats.chi2.sf(gain / selection.score.scale, best.size)) * selection.score.names)

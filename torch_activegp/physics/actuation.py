@@ -129,7 +129,9 @@ class ActuatorDeadZone(ActuatorEffect):
         """Makes the effect for an actuator."""
         top = place.control
         parameter = Parameter("width", "1", 0.03 * top, low=0.0, high=0.9 * top)
-        return cls.make(place, model, parameter, [share * top for share in (0.02, 0.05, 0.1, 0.2, 0.35, 0.5)])
+        return cls.make(
+            place, model, parameter, [share * top for share in (0.003, 0.008, 0.02, 0.05, 0.1, 0.2, 0.35, 0.5)]
+        )
 
     def control(self, control: Array, dt: Array, values: Array) -> Array:
         """Takes the dead band out."""
