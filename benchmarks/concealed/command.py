@@ -12,9 +12,9 @@ from rich.console import Console
 
 from benchmarks.concealed.cases import COUNTS, list_cases, make_case
 from benchmarks.concealed.markdown import report
-from benchmarks.concealed.progress import Counter
 from benchmarks.concealed.run import attempt
 from benchmarks.concealed.score import score_all
+from torch_activegp.cli.progress import EpisodeProgress
 
 PROOF_SEED = 2026
 """The seed of the proof: nothing is tuned on it."""
@@ -49,7 +49,7 @@ def _commands() -> None:
 def make(out: Out, seed: Seed = PROOF_SEED, kind: Kinds = None, limit: Limit = None, jobs: Jobs = 2) -> None:
     """Write the cases and, in another folder, their keys."""
     specs = list_cases(seed, chosen_counts(kind))[:limit]
-    with Counter(Console(stderr=True), "making", len(specs)) as counter:
+    with EpisodeProgress(Console(stderr=True), "making", len(specs), unit="cases") as counter:
         work = (delayed(make_case)(spec, out) for spec in specs)
         for _ in Parallel(jobs, return_as="generator_unordered")(work):
             counter.advance()
@@ -60,7 +60,7 @@ def run(out: Out, way: Way = "diagnosis", limit: Limit = None, jobs: Jobs = 2) -
     """Diagnose every case from its files alone; cases that have a result are skipped."""
     folders = sorted(path for path in (out / "cases").iterdir() if path.is_dir())[:limit]
     console, failed = Console(stderr=True), 0
-    with Counter(console, f"running {way}", len(folders)) as counter:
+    with EpisodeProgress(console, f"running {way}", len(folders), unit="cases") as counter:
         work = (delayed(attempt)(folder, out / "results" / way / folder.name, way) for folder in folders)
         for message in Parallel(jobs, return_as="generator_unordered")(work):
             counter.advance()

@@ -6,6 +6,9 @@ import sys
 from collections.abc import Callable, Iterator
 from pathlib import Path
 
+import mujoco
+import numpy as np
+import pandas as pd
 import pytest
 from typer.testing import CliRunner, Result
 
@@ -40,6 +43,10 @@ class Odd(Simulator):
 
 def odd(): return Odd(states, actions, 0.1)
 """
+SLIDE = """
+<mujoco><option timestep="0.005" gravity="0 0 0"/><worldbody><body>
+<joint name="slide" type="slide" axis="1 0 0" {loss}/><geom size=".1" mass="1"/></body></worldbody>
+<actuator><motor name="push" joint="slide"/></actuator></mujoco>"""
 ROD = """
 <mujoco>
   <worldbody>
@@ -48,6 +55,31 @@ ROD = """
   <actuator><motor joint='hip' name='m' ctrlrange='-2 2' gear='{gear}'/></actuator>
 </mujoco>
 """
+
+
+@pytest.fixture
+def slide() -> Callable[..., str]:
+    """The MJCF text of a slide, with losses as attributes of its joint."""
+    return SLIDE.format
+
+
+@pytest.fixture
+def record_slide() -> Callable[[str, int, int], pd.DataFrame]:
+    """Recordings of a slide: positions alone, with noise."""
+
+    def record(xml: str, seed: int, rows: int) -> pd.DataFrame:
+        model, random = mujoco.MjModel.from_xml_string(xml), np.random.default_rng(seed)
+        data, time = mujoco.MjData(model), np.arange(rows) * 0.01
+        rate, phase = random.uniform(1.0, 9.0, (2, 4, 1))
+        control = 1.5 * np.sin(rate * time + phase).sum(0)
+        position = np.empty_like(time)
+        for row, force in enumerate(control):
+            position[row], data.ctrl[0] = data.qpos[0], force
+            mujoco.mj_step(model, data, 2)
+        position += 1e-4 * random.standard_normal(len(time))
+        return pd.DataFrame({"time": time, "qpos.slide": position, "ctrl.push": control})
+
+    return record
 
 
 @pytest.fixture

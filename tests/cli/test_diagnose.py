@@ -18,11 +18,9 @@ from torch_activegp.report.numbers import MISSING
 from torch_activegp.simulators import Simulator
 
 Run = Callable[..., Result]
+Slide = Callable[..., str]
+Record = Callable[[str, int, int], pd.DataFrame]
 
-SLIDE = """
-<mujoco><option timestep="0.005" gravity="0 0 0"/><worldbody><body>
-<joint name="slide" type="slide" axis="1 0 0" {loss}/><geom size=".1" mass="1"/></body></worldbody>
-<actuator><motor name="push" joint="slide"/></actuator></mujoco>"""
 RESULTS = {"settings.json", "diagnosis.json", "report.html", "corrected.xml"}
 
 
@@ -118,24 +116,14 @@ def fake(monkeypatch: pytest.MonkeyPatch) -> Fake:
 
 
 @pytest.fixture(autouse=True)
-def files(folder: Path) -> None:
+def files(folder: Path, slide: Slide, record_slide: Record) -> None:
     """A slide without losses, and recordings of a real one: positions alone, with noise."""
-    (folder / "slide.xml").write_text(SLIDE.format(loss=""))
+    (folder / "slide.xml").write_text(slide(loss=""))
     (folder / "broken.xml").write_text("<mujoco><worldbody>")
     (folder / "text.xml").write_text("time,qpos.slide\n")
-    model = mujoco.MjModel.from_xml_string(SLIDE.format(loss="damping='1' frictionloss='0.5'"))
+    real = slide(loss="damping='1' frictionloss='0.5'")
     for seed, name in enumerate(("a", "b", "c")):
-        random = np.random.default_rng(seed)
-        data, time = mujoco.MjData(model), np.arange(600) * 0.01
-        rate, phase = random.uniform(1.0, 9.0, (2, 4, 1))
-        control = 1.5 * np.sin(rate * time + phase).sum(0)
-        position = np.empty_like(time)
-        for row, force in enumerate(control):
-            position[row], data.ctrl[0] = data.qpos[0], force
-            mujoco.mj_step(model, data, 2)
-        position += 1e-4 * random.standard_normal(len(time))
-        table = pd.DataFrame({"time": time, "qpos.slide": position, "ctrl.push": control})
-        table.to_csv(folder / f"{name}.csv", index=False)
+        record_slide(real, seed, 600).to_csv(folder / f"{name}.csv", index=False)
 
 
 def change(folder: Path, edit: Callable[[pd.DataFrame], pd.DataFrame], name: str = "bad.csv") -> None:

@@ -8,7 +8,6 @@ from pathlib import Path
 from typing import Any
 
 import mujoco
-import numpy as np
 import pandas as pd
 import pytest
 from typer.testing import Result
@@ -16,11 +15,9 @@ from typer.testing import Result
 from torch_activegp.errors import ConfigurationError, DataError
 
 Run = Callable[..., Result]
+Slide = Callable[..., str]
+Record = Callable[[str, int, int], pd.DataFrame]
 
-SLIDE = """
-<mujoco><option timestep="0.005" gravity="0 0 0"/><worldbody><body>
-<joint name="slide" type="slide" axis="1 0 0" {loss}/><geom size=".1" mass="1"/></body></worldbody>
-<actuator><motor name="push" joint="slide"/></actuator></mujoco>"""
 RESULTS = {"settings.json", "diagnosis.json", "report.html"}
 
 
@@ -69,23 +66,13 @@ def fake(monkeypatch: pytest.MonkeyPatch) -> Fake:
 
 
 @pytest.fixture(autouse=True)
-def files(folder: Path) -> None:
+def files(folder: Path, slide: Slide, record_slide: Record) -> None:
     """Two slides; what both models lack is friction on the first, and nothing on the second."""
     for name, loss in (("one", "damping='1' frictionloss='0.5'"), ("two", "")):
         (folder / "machines" / name).mkdir(parents=True)
-        (folder / "machines" / name / "slide.xml").write_text(SLIDE.format(loss=""))
-        model = mujoco.MjModel.from_xml_string(SLIDE.format(loss=loss))
+        (folder / "machines" / name / "slide.xml").write_text(slide(loss=""))
         for seed, run in enumerate(("run1", "test")):
-            random = np.random.default_rng(seed)
-            data, time = mujoco.MjData(model), np.arange(300) * 0.01
-            rate, phase = random.uniform(1.0, 9.0, (2, 4, 1))
-            control = 1.5 * np.sin(rate * time + phase).sum(0)
-            position = np.empty_like(time)
-            for row, force in enumerate(control):
-                position[row], data.ctrl[0] = data.qpos[0], force
-                mujoco.mj_step(model, data, 2)
-            position += 1e-4 * random.standard_normal(len(time))
-            table = pd.DataFrame({"time": time, "qpos.slide": position, "ctrl.push": control})
+            table = record_slide(slide(loss=loss), seed, 300)
             table.to_csv(folder / "machines" / name / f"{run}.csv", index=False)
 
 

@@ -2,7 +2,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from torch_activegp.diagnosis.elimination import eliminate
+from torch_activegp.diagnosis.elimination import eliminate, invert
 
 
 def test_the_eliminated_normal_equations_equal_a_dense_least_squares() -> None:
@@ -36,3 +36,11 @@ def test_a_state_that_hardly_shows_moves_no_farther_than_its_reach() -> None:
     )
     assert free[0, 1] > 900.0
     assert abs(held[0, 1]) < 0.5
+
+
+def test_the_inverse_does_not_depend_on_units() -> None:
+    rng = np.random.default_rng(1)
+    columns = rng.normal(size=(30, 3))
+    units = np.array([1e-6, 1.0, 1e5])
+    inverse = invert((columns * units).T @ (columns * units))
+    np.testing.assert_allclose(inverse * np.outer(units, units), np.linalg.inv(columns.T @ columns), rtol=1e-8)

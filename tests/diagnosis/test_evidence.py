@@ -43,7 +43,7 @@ def test_regions_whose_bins_changed_are_left_out(bench) -> None:
 
 
 def test_the_law_runs_through_the_residual_force(bench, damped) -> None:
-    (law,) = laws(bench.shooting, damped, damped.effects, ())
+    (law,) = laws(bench.shooting, damped, damped.effects)
     assert (law["name"], law["target"], law["over"]) == ("viscous_friction", "joint:hip", "qvel.hip")
     assert (law["unit_x"], law["unit_y"]) == ("rad/s", "N m")
     np.testing.assert_allclose(law["law_y"], -damped.values[0][0] * np.array(law["law_x"]))
@@ -54,4 +54,4 @@ def test_the_law_runs_through_the_residual_force(bench, damped) -> None:
 
 def test_an_effect_without_a_force_law_has_none(bench) -> None:
     fit = bench.fit("armature_error", 0.01)
-    assert laws(bench.shooting, fit, fit.effects, ()) == []
+    assert laws(bench.shooting, fit, fit.effects) == []

@@ -6,12 +6,36 @@ import sys
 import time
 from collections.abc import Callable
 from types import TracebackType
+from typing import Self
 
 from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
 
 
-class EpisodeProgress:
+class _Shown:
+    """A bar that is there while the context is, on a terminal."""
+
+    console: Console
+    clock: Callable[[], float]
+    _bar: Progress
+    _shown: float
+
+    def __enter__(self) -> Self:
+        """Show the bar."""
+        self._shown = self.clock()
+        if self.console.is_terminal:
+            self._bar.start()
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        """Let go of the bar."""
+        if self.console.is_terminal:
+            self._bar.stop()
+
+
+class EpisodeProgress(_Shown):
     """Counts episodes; a context manager.
 
     Args:
@@ -49,20 +73,6 @@ class EpisodeProgress:
         )
         self._bar = Progress(*columns, console=console, redirect_stdout=sys.stdout.isatty())
         self._bar_task = self._bar.add_task(title, total=total, left="", words="")
-
-    def __enter__(self) -> EpisodeProgress:
-        """Show the bar."""
-        self._shown = self.clock()
-        if self.console.is_terminal:
-            self._bar.start()
-        return self
-
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
-        """Leave the bar as it is."""
-        if self.console.is_terminal:
-            self._bar.stop()
 
     @property
     def seconds_left(self) -> float | None:
@@ -104,7 +114,7 @@ class EpisodeProgress:
         return "" if self.seconds_left is None else f", about {show_time(self.seconds_left)} left"
 
 
-class StageProgress:
+class StageProgress(_Shown):
     """Shows which stage a long computation is in; a context manager.
 
     Args:
@@ -128,20 +138,6 @@ class StageProgress:
         )
         self._bar = Progress(*columns, console=console, redirect_stdout=sys.stdout.isatty(), transient=True)
         self._bar_task = self._bar.add_task(title, total=None, left="")
-
-    def __enter__(self) -> StageProgress:
-        """Show the bar."""
-        self._shown = self.clock()
-        if self.console.is_terminal:
-            self._bar.start()
-        return self
-
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
-        """Take the bar away."""
-        if self.console.is_terminal:
-            self._bar.stop()
 
     def tell(self, stage: str, done: float | None = None) -> None:
         """Show a stage.

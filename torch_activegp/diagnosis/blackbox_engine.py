@@ -12,6 +12,7 @@ from torch_activegp.diagnosis.candidate import Candidate, grouped
 from torch_activegp.diagnosis.controls import Controls, added
 from torch_activegp.diagnosis.engine import Engine, _padded, substeps_for
 from torch_activegp.diagnosis.force_gp import Remainder
+from torch_activegp.diagnosis.hermite import position_between, velocity_between
 from torch_activegp.diagnosis.machine import Machine
 from torch_activegp.diagnosis.numerics import Numerics
 from torch_activegp.diagnosis.runs import Array, Channels
@@ -213,10 +214,8 @@ def _at(states: Array, dt: Array, step: float) -> Array:
     segment: NDArray[np.int64] = np.arange(size)[:, None]
     begin, end = states[:, segment, index], states[:, segment, index + 1]
     n = states.shape[-1] // 2
-    p, q, v, w = begin[..., :n], end[..., :n], step * begin[..., n:], step * end[..., n:]
-    position = (1 + 2 * x) * (1 - x) ** 2 * p + x * (1 - x) ** 2 * v + x**2 * (3 - 2 * x) * q + x**2 * (x - 1) * w
-    velocity = 6 * x * (1 - x) * (q - p) + (1 - x) * (1 - 3 * x) * v + x * (3 * x - 2) * w
-    return np.concatenate([position, velocity / step], axis=-1)
+    ends = begin[..., :n], end[..., :n], begin[..., n:], end[..., n:]
+    return np.concatenate([position_between(x, step, *ends), velocity_between(x, step, *ends)], axis=-1)
 
 
 class GivenNumerics(Numerics):

@@ -25,7 +25,7 @@ from torch_activegp.diagnosis.machine import Machine, make_machine
 from torch_activegp.diagnosis.places import effects_for
 from torch_activegp.diagnosis.remainder import Outcome, model_remainder
 from torch_activegp.diagnosis.result import Diagnosis, NamedEffect
-from torch_activegp.diagnosis.runs import input_addresses
+from torch_activegp.diagnosis.runs import input_addresses, median_step
 from torch_activegp.diagnosis.source import Source, read_source
 from torch_activegp.diagnosis.words import sentence
 
@@ -93,7 +93,7 @@ def _report(
     say("writing the correction", 0.95)
     numerics = None
     if explanation.fine:
-        step = float(np.median(np.concatenate([run.dt for run in machine.fit])))
+        step = median_step(machine.fit)
         numerics = (explanation.engine.model.opt.integrator, step / explanation.engine.substeps)
     xml, held, difference = corrected_xml(source.spec, chosen.effects, chosen.values, numerics)
     corrected = simulator_with(source, machine.channels, chosen.candidate, xml if all(held) else None, numerics)
@@ -133,7 +133,7 @@ def _report(
     evidence = {
         "map_time": map_time(shooting, nominal, chosen),
         "map_region": map_region(regions, locate(shooting, chosen) if chosen.effects else regions) if regions else [],
-        "laws": laws(shooting, fitted, judgement.named, explanation.effects) if named else [],
+        "laws": laws(shooting, fitted, judgement.named) if named else [],
         "traces": traces,
     }
     words = sentence(judgement.verdict, named, details)

@@ -43,6 +43,12 @@ class Eliminated:
         return np.linalg.solve(normal, np.einsum("sij,si->sj", self.triangle, right)[..., None])[..., 0]
 
 
+def invert(normal: Array, rcond: float = 1e-10) -> Array:
+    """Inverse of a normal matrix ``(P, P)`` in any units; directions that nothing sees are left out."""
+    scale = np.sqrt(np.maximum(np.diag(normal), 1e-300))
+    return np.asarray(np.linalg.pinv(normal / np.outer(scale, scale), rcond=rcond) / np.outer(scale, scale))
+
+
 def eliminate(design: Array, columns: Array, residual: Array) -> Eliminated:
     """Projects the free initial states out of the columns and the residual of every segment.
 

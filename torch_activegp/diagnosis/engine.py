@@ -14,8 +14,9 @@ from numpy.typing import NDArray
 
 from torch_activegp.diagnosis.candidate import NOMINAL, Candidate, grouped
 from torch_activegp.diagnosis.controls import Controls, added
+from torch_activegp.diagnosis.hermite import position_between, velocity_between
 from torch_activegp.diagnosis.readings import readings
-from torch_activegp.diagnosis.runs import Array, Channels, Run
+from torch_activegp.diagnosis.runs import Array, Channels, Run, median_step
 from torch_activegp.diagnosis.segments import Segments
 from torch_activegp.errors import ConfigurationError
 from torch_activegp.physics.effect import Effect, Step
@@ -195,14 +196,9 @@ def _fill(states: Array, edges: list[int], dt: Array, nq: int) -> None:
         h = dt[:, row:after].sum(axis=1)[:, None]
         for between in range(row + 1, after):
             x = dt[:, row:between].sum(axis=1)[:, None] / h
-            p, q, v, w = begin[:, :nq], end[:, :nq], begin[:, nq:], end[:, nq:]
-            states[:, between, :nq] = (
-                (1 + 2 * x) * (1 - x) ** 2 * p
-                + x * (1 - x) ** 2 * h * v
-                + x**2 * (3 - 2 * x) * q
-                + x**2 * (x - 1) * h * w
-            )
-            states[:, between, nq:] = 6 * x * (1 - x) * (q - p) / h + (1 - x) * (1 - 3 * x) * v + x * (3 * x - 2) * w
+            ends = begin[:, :nq], end[:, :nq], begin[:, nq:], end[:, nq:]
+            states[:, between, :nq] = position_between(x, h, *ends)
+            states[:, between, nq:] = velocity_between(x, h, *ends)
 
 
 class _Fields:
@@ -230,7 +226,7 @@ def _padded(columns: Sequence[Array], channels: Channels, address: int) -> Array
 
 def substeps_for(model: mujoco.MjModel, runs: Sequence[Run]) -> int:
     """Time steps of the model in the median interval between rows."""
-    return max(round(float(np.median(np.concatenate([run.dt for run in runs]))) / model.opt.timestep), 1)
+    return max(round(median_step(runs) / model.opt.timestep), 1)
 
 
 __all__ = ["NOMINAL", "Candidate", "Engine", "substeps_for"]

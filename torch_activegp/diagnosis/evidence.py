@@ -58,7 +58,7 @@ def map_region(before: Sequence[Region], after: Sequence[Region]) -> list[dict[s
     return out
 
 
-def laws(shooting: Shooting, fit: Fit, named: Sequence[Effect], _: Sequence[Effect]) -> list[dict[str, Any]]:
+def laws(shooting: Shooting, fit: Fit, named: Sequence[Effect]) -> list[dict[str, Any]]:
     """For every named force law: the force that is missing without it, and the law."""
     out = []
     for effect in named:

@@ -15,7 +15,7 @@ from torch_activegp.diagnosis.machine import Machine
 from torch_activegp.diagnosis.noise_floor import noise_floor
 from torch_activegp.diagnosis.noise_model import NoiseModel
 from torch_activegp.diagnosis.numerics import Numerics, Sets
-from torch_activegp.diagnosis.runs import Array
+from torch_activegp.diagnosis.runs import Array, median_step
 from torch_activegp.diagnosis.segments import Segments, cut, halve
 from torch_activegp.diagnosis.selection import Selection, select
 from torch_activegp.diagnosis.shooting import Shooting
@@ -116,7 +116,7 @@ def _longest(machine: Machine, numerics: Numerics, noise: NoiseModel, too_far: f
 
     A segment is halved where the nominal is too far from it, or where a small error of the initial state grows much.
     """
-    step = float(np.median(np.concatenate([run.dt for run in machine.fit])))
+    step = median_step(machine.fit)
     segments = cut(machine.fit, max(SECONDS, ROWS * step), PAD)
     while True:
         shooting = Shooting(numerics.given, segments, noise)

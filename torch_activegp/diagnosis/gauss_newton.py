@@ -80,6 +80,7 @@ class Problem:
         self._hold = hold or not len(self._trial)
         self._settling = 0 if self._hold or design is None else SETTLE
         self._columns: Array | None = None
+        self._reach = shooting.state_reach()
         self._brake = np.ones(len(starts))
         self._steps = np.zeros(0)
         self._residual = np.zeros(0)
@@ -246,7 +247,7 @@ class Problem:
                     break
                 free &= ~stuck
             delta = np.clip(flat + delta, self._low, self._high) - flat
-        shift = eliminated.states(delta[: eliminated.normal.shape[-1]], self.shooting.state_reach())
+        shift = eliminated.states(delta[: eliminated.normal.shape[-1]], self._reach)
         gain = float((np.einsum("smn,sm->sn", eliminated.basis, eliminated.residual) ** 2).sum())
         if not self._still:
             gain += float(2 * eliminated.gradient.sum(0) @ delta - delta @ eliminated.normal.sum(0) @ delta)

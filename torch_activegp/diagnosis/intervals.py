@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 from scipy import stats
 
+from torch_activegp.diagnosis.elimination import invert
 from torch_activegp.diagnosis.fit import Fit
 from torch_activegp.diagnosis.result import Estimate
 from torch_activegp.diagnosis.runs import Array
@@ -22,8 +23,7 @@ def covariance(shooting: Shooting, fit: Fit) -> Array:
 
     Reference: White, *Maximum Likelihood Estimation of Misspecified Models*, Econometrica 50 (1982).
     """
-    scale = np.sqrt(np.maximum(np.diag(fit.information), 1e-300))
-    inverse = np.linalg.pinv(fit.information / np.outer(scale, scale), rcond=1e-10) / np.outer(scale, scale)
+    inverse = invert(fit.information)
     variance = max(fit.chi2 / max(shooting.dof - fit.size, 1), 1e-12)
     plain = variance * inverse
     size = len(fit.scores)

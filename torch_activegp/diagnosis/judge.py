@@ -50,12 +50,8 @@ class Omnibus:
 def omnibus(shooting: Shooting, fit: Fit) -> Omnibus:
     """F test of a free force in bins of 0.2 s against none, on top of a fit."""
     residual, states, forces = free_force_columns(shooting, fit, seconds=0.2)
-
-    def white(block: Array) -> Array:
-        return shooting.noise.whiten(shooting.segments, np.moveaxis(block, -1, 0)).transpose(1, 2, 0)
-
     clean = np.nan_to_num(shooting.noise.whiten(shooting.segments, residual))
-    linear = eliminate(white(states), white(forces), clean)
+    linear = eliminate(shooting.whiten_columns(states), shooting.whiten_columns(forces), clean)
     gain, count = 0.0, 0
     for normal, gradient in zip(linear.normal, linear.gradient, strict=True):
         scale = np.sqrt(np.maximum(np.diag(normal), 1e-300))

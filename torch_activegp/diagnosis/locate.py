@@ -10,6 +10,7 @@ import mujoco
 import numpy as np
 from scipy import stats
 
+from torch_activegp.diagnosis.elimination import invert
 from torch_activegp.diagnosis.fit import Fit
 from torch_activegp.diagnosis.linearize import Linearization, linearize
 from torch_activegp.diagnosis.runs import Array
@@ -71,9 +72,8 @@ def locate(shooting: Shooting, fit: Fit) -> list[Region]:
     """
     linear = linearize(shooting, fit)
     variables = _variables(shooting, linear)
-    predicted, _ = shooting.engine.predict(shooting.segments, fit.starts[None], [fit.candidate])
-    residual = np.nan_to_num(shooting.residuals(predicted)[0])
-    starts = _white(shooting, linear.respond_to_start())
+    residual = shooting.residual_of(fit)
+    starts = shooting.whiten_columns(linear.respond_to_start())
     none = np.zeros((*starts.shape[:2], 0))
     regions = []
     for channel, joint in enumerate(shooting.engine.channels.joints):
@@ -81,12 +81,10 @@ def locate(shooting: Shooting, fit: Fit) -> list[Region]:
             edges = _edges(values)
             which = np.clip(np.digitize(values, edges[1:-1]), 0, len(edges) - 2)
             indicators = np.eye(len(edges) - 1)[which]
-            columns = _white(shooting, linear.respond_to_force(channel, indicators))
+            columns = shooting.whiten_columns(linear.respond_to_force(channel, indicators))
             normal, gradient = _project(starts, none, columns, residual)
             gain, force = _gain(normal, gradient)
-            scale = np.sqrt(np.maximum(np.diag(normal), 1e-300))
-            inverse = np.linalg.pinv(normal / np.outer(scale, scale), rcond=1e-8) / np.outer(scale, scale)
-            spread = np.sqrt(np.maximum(np.diag(inverse), 0.0))
+            spread = np.sqrt(np.maximum(np.diag(invert(normal, 1e-8)), 0.0))
             count = indicators.sum(axis=(0, 1))
             p_value = float(stats.chi2.sf(gain, len(force)))
             regions.append(Region(joint, over, edges, force, spread, count, gain, p_value))
@@ -112,11 +110,6 @@ def entries(regions: Sequence[Region], mismatch: float) -> list[dict[str, Any]]:
         region = {chosen.over: list(interval)}
         out.append({"target": f"joint:{joint}", "share": share, "region": region, "q_value": chosen.adjusted})
     return sorted(out, key=lambda entry: -float(entry["share"]))
-
-
-def _white(shooting: Shooting, block: Array) -> Array:
-    moved = shooting.noise.whiten(shooting.segments, np.moveaxis(block, -1, 0))
-    return np.nan_to_num(moved.transpose(1, 2, 0))
 
 
 def _variables(shooting: Shooting, linear: Linearization) -> dict[str, Array]:

@@ -8,7 +8,7 @@ import numpy as np
 from scipy import signal
 
 from torch_activegp.diagnosis.noise_model import NoiseModel, colour_family
-from torch_activegp.diagnosis.runs import Array, Run
+from torch_activegp.diagnosis.runs import Array, Run, median_step
 
 _WINDOW = 128
 _LOWEST = 0.125
@@ -49,7 +49,7 @@ def _colour(runs: Sequence[Run], channel: int) -> tuple[tuple[float, float], flo
         return None
     frequency = spectra[0][0]
     power = np.median([p for _, p in spectra], axis=0)
-    lowest = max(_LOWEST, _MOTION * float(np.median(np.concatenate([run.dt for run in runs]))))
+    lowest = max(_LOWEST, _MOTION * median_step(runs))
     if lowest > _NARROW:
         return None
     third = (0.5 - lowest) / 3

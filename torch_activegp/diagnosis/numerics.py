@@ -12,7 +12,7 @@ from torch_activegp.diagnosis.engine import Engine, substeps_for
 from torch_activegp.diagnosis.fit import Fit
 from torch_activegp.diagnosis.machine import Machine
 from torch_activegp.diagnosis.noise_model import NoiseModel
-from torch_activegp.diagnosis.runs import Array
+from torch_activegp.diagnosis.runs import Array, median_step
 from torch_activegp.diagnosis.segments import Segments
 from torch_activegp.diagnosis.shooting import Shooting
 from torch_activegp.physics.effect import Effect
@@ -86,7 +86,7 @@ class Numerics:
     def of(cls, machine: Machine, nthread: int = 0) -> Numerics:
         """Makes the three for a machine."""
         model, channels = machine.model, machine.channels
-        step = float(np.median(np.concatenate([run.dt for run in machine.fit])))
+        step = median_step(machine.fit)
         few = max(int(np.ceil(step / _STEP - 1e-6)), 1)
         plain, stiff = substeps_for(model, machine.fit), _stiff(machine)
         stride = 1 if stiff else max(int(_STEP / step + 1e-6), 1)

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 import mujoco
 import numpy as np
 
-from torch_activegp.diagnosis.runs import Array, Channels, Run
+from torch_activegp.diagnosis.runs import Array, Channels, Run, median_step
 from torch_activegp.physics import Effect, Place, catalogue
 
 
@@ -25,10 +25,6 @@ def effects_for(model: mujoco.MjModel, channels: Channels, runs: Sequence[Run]) 
         for c, p in enumerate(joints)
     ]
     return catalogue(model, joints, _actuators(model, runs), sensors)
-
-
-def _step(runs: Sequence[Run]) -> float:
-    return float(np.median(np.concatenate([run.dt for run in runs])))
 
 
 def _joint(model: mujoco.MjModel, channels: Channels, runs: Sequence[Run], c: int) -> Place:
@@ -50,7 +46,7 @@ def _joint(model: mujoco.MjModel, channels: Channels, runs: Sequence[Run], c: in
             inertia * float(np.sqrt((np.clip(acceleration, *np.quantile(acceleration, [0.01, 0.99])) ** 2).mean())),
             1e-9,
         ),
-        dt=_step(runs),
+        dt=median_step(runs),
         qpos=int(channels.qpos[c]),
         loss=float(model.dof_frictionloss[dof]),
     )
@@ -64,5 +60,5 @@ def _actuators(model: mujoco.MjModel, runs: Sequence[Run]) -> list[Place]:
         signal: Array = control[:, first]
         if np.ptp(signal) > 0:
             name = model.actuator(i).name or f"actuator{i}"
-            places.append(Place(f"actuator:{name}", first, control=float(np.abs(signal).max()), dt=_step(runs)))
+            places.append(Place(f"actuator:{name}", first, control=float(np.abs(signal).max()), dt=median_step(runs)))
     return places

@@ -8,6 +8,7 @@ from collections.abc import Iterable, Sequence
 import mujoco
 import numpy as np
 
+from torch_activegp.diagnosis.elimination import invert
 from torch_activegp.diagnosis.fit import Fit
 from torch_activegp.diagnosis.locate import actuated_joint
 from torch_activegp.diagnosis.runs import Array
@@ -125,8 +126,7 @@ def beside_tuned(model: mujoco.MjModel, screened: Screen, excess: float) -> list
 
 def without_weak(fit: Fit, price: float) -> Set | None:
     """The fit without all effects whose parameters are worth less than a price each; None where there is none such."""
-    scale = np.sqrt(np.maximum(np.diag(fit.information), 1e-300))
-    inverse = np.linalg.pinv(fit.information / np.outer(scale, scale), rcond=1e-10) / np.outer(scale, scale)
+    inverse = invert(fit.information)
     first, kept = 0, []
     for effect, values in zip(fit.effects, fit.values, strict=True):
         part = slice(first, first + len(values))

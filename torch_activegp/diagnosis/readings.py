@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from torch_activegp.diagnosis.candidate import Candidate, grouped
+from torch_activegp.diagnosis.hermite import position_between
 from torch_activegp.diagnosis.runs import Array
 from torch_activegp.physics.effect import Effect
 
@@ -53,10 +54,5 @@ def earlier(position: Array, velocity: Array, dt: Array, delay: Array) -> Array:
             h = dt[s, k]
             x = (wanted - time[s, k]) / h
             p, v = position[i, s], velocity[i, s]
-            out[i, s] = (
-                (1 + 2 * x) * (1 - x) ** 2 * p[k]
-                + x * (1 - x) ** 2 * h * v[k]
-                + x**2 * (3 - 2 * x) * p[k + 1]
-                + x**2 * (x - 1) * h * v[k + 1]
-            )
+            out[i, s] = position_between(x, h, p[k], p[k + 1], v[k], v[k + 1])
     return out

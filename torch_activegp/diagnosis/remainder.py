@@ -62,7 +62,7 @@ def model_remainder(shooting: Shooting, fit: Fit, names: Sequence[str]) -> Outco
     (2005), section 5.
     """
     part, which = _affordable(shooting)
-    bins = _bins(part, dataclasses.replace(fit, starts=fit.starts[which]))
+    bins = _bins(part, fit.pick(which))
     channels = shooting.engine.channels
     learned = ForceGP.on(bins, channels)
     folds = np.arange(part.segments.size) % _FOLDS
@@ -70,8 +70,7 @@ def model_remainder(shooting: Shooting, fit: Fit, names: Sequence[str]) -> Outco
     for kept in (folds == fold for fold in np.unique(folds)):
         outcome = Outcome(learned.posterior(bins.pick(~kept)), {})
         sets = [(c.effects, c.values) for c in (fit.candidate, outcome.on(fit.candidate))]
-        offset = None if part.offset is None else part.offset[kept]
-        unseen = dataclasses.replace(part, segments=part.segments.pick(kept), offset=offset)
+        unseen = part.pick(kept)
         chi2 += [f.chi2 for f in unseen.fit(sets, fit.starts[which][kept], rounds=4, hold=True)]
     used = bool(chi2[1] < chi2[0] - _CLEAR)
     effect = learned.posterior(bins)
@@ -93,28 +92,27 @@ def _affordable(shooting: Shooting) -> tuple[Shooting, NDArray[np.int64]]:
     return shooting.subset(min(most / shooting.segments.size, 1.0))
 
 
+@dataclasses.dataclass(frozen=True, eq=False)
 class _Listener(Effect):
     """Hears the controls that reach the machine."""
 
+    heard: list[Array] = dataclasses.field(default_factory=list)
+
     needs_steps = True
 
-    def listen(self) -> _Listener:
-        object.__setattr__(self, "heard", [])
-        return self
-
     def before_step(self, step: Step, rows: Index, values: Array, memory: Array | None) -> None:
-        self.heard.append(step.ctrl[rows].copy())  # type: ignore[attr-defined]
+        self.heard.append(step.ctrl[rows].copy())
 
 
 def _controls(shooting: Shooting, fit: Fit) -> Array:
     """Controls after the effects on the way to the machine, mean of each interval, ``(S, K, nu)``."""
     if not shooting.engine.model.nu:
         return np.zeros((shooting.segments.size, shooting.segments.intervals, 0))
-    listener = _Listener("world", (), np.zeros((0, 0))).listen()
+    listener = _Listener("world", (), np.zeros((0, 0)))
     engine, segments = shooting.engine, shooting.segments
     base = fit.candidate
     engine.trajectories(segments, fit.starts, Candidate((*base.effects, listener), (*base.values, np.zeros(0))))
-    heard = np.stack(listener.heard)  # type: ignore[attr-defined]
+    heard = np.stack(listener.heard)
     steps = heard.reshape(-1, engine.substeps, segments.size, heard.shape[-1]).mean(1)
     return np.repeat(steps, engine.stride, axis=0)[: segments.intervals].transpose(1, 0, 2)
 
@@ -127,14 +125,8 @@ def _bins(shooting: Shooting, fit: Fit) -> Bins:
     member = np.arange(segments.intervals) * number // segments.intervals
     held = np.broadcast_to(np.eye(number)[member], (segments.size, segments.intervals, number))
     moved = np.concatenate([linear.respond_to_force(c, held) for c in range(count)], axis=-1)
-
-    def white(block: Array) -> Array:
-        columns = shooting.noise.whiten(segments, np.moveaxis(block, -1, 0))
-        return np.nan_to_num(columns.transpose(1, 2, 0))
-
-    predicted, _ = shooting.engine.predict(segments, fit.starts[None], [fit.candidate])
-    residual = np.nan_to_num(shooting.residuals(predicted)[0])
-    result = eliminate(white(linear.respond_to_start()), white(moved), residual)
+    starts = shooting.whiten_columns(linear.respond_to_start())
+    result = eliminate(starts, shooting.whiten_columns(moved), shooting.residual_of(fit))
     middle = [0.5 * (x[:, 1:] + x[:, :-1]) for x in (segments.take("smooth"), segments.take("velocity"))]
     inputs = np.concatenate([*middle, _controls(shooting, fit)], axis=-1)
     mean = np.einsum("kb,skd->sbd", held[0] / held[0].sum(0), inputs)

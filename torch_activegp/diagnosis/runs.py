@@ -161,6 +161,11 @@ def make_run(recording: Recording, model: mujoco.MjModel, channels: Channels) ->
     )
 
 
+def median_step(runs: Sequence[Run]) -> float:
+    """The time between rows, s."""
+    return float(np.median(np.concatenate([run.dt for run in runs])))
+
+
 def input_addresses(model: mujoco.MjModel) -> dict[str, int]:
     """The first control of every actuator that has one."""
     fed = np.flatnonzero(model.actuator_ctrlnum > 0)

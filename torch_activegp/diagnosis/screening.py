@@ -89,14 +89,8 @@ def screen(shooting: Shooting, fit: Fit, effects: Sequence[Effect]) -> Screen:
     linear = linearize(shooting, fit)
     plan, columns = _columns(shooting, fit, effects, linear)
     fitted = _parameter_columns(shooting, fit)
-    predicted, _ = shooting.engine.predict(shooting.segments, fit.starts[None], [fit.candidate])
-    residual = np.nan_to_num(shooting.residuals(predicted)[0])
-
-    def white(block: Array) -> Array:
-        moved = shooting.noise.whiten(shooting.segments, np.moveaxis(block, -1, 0))
-        return np.nan_to_num(moved.transpose(1, 2, 0))
-
-    normal, gradient = _project(white(linear.respond_to_start()), white(fitted), white(columns), residual)
+    start, held, tested = (shooting.whiten_columns(block) for block in (linear.respond_to_start(), fitted, columns))
+    normal, gradient = _project(start, held, tested, shooting.residual_of(fit))
     atoms, at = [], 0
     for effect, seed, width in plan:
         where = slice(at, at + width)

@@ -62,7 +62,7 @@ class Segments:
         index = np.minimum(self.first[:, None] + np.arange(rows), last[:, None])
         return padded[self.run[:, None], index]
 
-    def pick(self, which: NDArray[np.int64]) -> Segments:
+    def pick(self, which: NDArray[np.int64] | NDArray[np.bool_]) -> Segments:
         """Some of the segments."""
         names = ("run", "first", "position", "counts", "dt", "scored")
         return dataclasses.replace(self, **{name: getattr(self, name)[which] for name in names})

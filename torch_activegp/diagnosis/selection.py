@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import dataclasses
+import itertools
 import math
 from collections.abc import Callable, Sequence
 
 import numpy as np
 
 from torch_activegp.diagnosis.fit import Fit
-from torch_activegp.diagnosis.proposals import MOST, also_little, beside_tuned, diverse, join, richer, without_weak
+from torch_activegp.diagnosis.proposals import MOST, Set, also_little, beside_tuned, diverse, join, richer, without_weak
 from torch_activegp.diagnosis.runs import Array
 from torch_activegp.diagnosis.screening import Atom, Screen, screen
 from torch_activegp.diagnosis.shooting import Shooting
@@ -25,6 +26,9 @@ MAX_EFFECTS = 4
 SLACK = 8.0
 MATERIAL = 0.006
 """An effect that explains less of the mismatch than this is not named: simulators differ by that much."""
+_PLENTY = 400.0
+_PART = 0.2
+_CLOSE = 40.0
 
 
 @dataclasses.dataclass(frozen=True)
@@ -138,11 +142,6 @@ def select(
     return selection
 
 
-_PLENTY = 400.0
-_PART = 0.2
-_CLOSE = 40.0
-
-
 def _expand(selection: Selection, shooting: Shooting, effects: Sequence[Effect], fit: Fit) -> None:
     """Fits the most promising sets that contain a fit and something more."""
     screened = screen(shooting, fit, _allowed(effects, fit))
@@ -179,28 +178,23 @@ def _allowed(effects: Sequence[Effect], fit: Fit) -> list[Effect]:
     return [e for e in effects if e.key not in taken and e.key not in covered]
 
 
-def _proposals(selection: Selection, fit: Fit, screened: Screen) -> list[tuple[tuple[Effect, ...], tuple[Array, ...]]]:
+def _proposals(selection: Selection, fit: Fit, screened: Screen) -> list[Set]:
     """The most promising sets that contain one more effect, or two where only a pair helps."""
-    price = selection.score.price
-    scale = selection.score.scale
+
+    def worth(atoms: Sequence[Atom]) -> float:
+        gain = screened.joint_gain(atoms) if len(atoms) > 1 else atoms[0].gain
+        return gain / selection.score.scale - selection.score.price([a.effect for a in atoms])
+
     best = screened.best()
-    worth = [(a.gain / scale - price([a.effect]), (a,)) for a in best[: 4 * MOST]]
-    worth = [w for w in worth if w[0] > 0.0]
-    atoms = diverse([a for _, (a,) in sorted(worth, key=lambda w: -w[0])])
-    chosen: list[tuple[float, tuple[Atom, ...]]] = [(a.gain / scale - price([a.effect]), (a,)) for a in atoms]
-    leaders = best[:12]
-    pairs = [
-        (screened.joint_gain(pair) / scale - price([a.effect for a in pair]), pair)
-        for i, first in enumerate(leaders)
-        for second in leaders[i + 1 :]
-        if first.effect.key != second.effect.key
-        for pair in [(first, second)]
-    ]
-    pairs = sorted((p for p in pairs if p[0] > 0.0), key=lambda p: -p[0])
-    single = chosen[0][0] if chosen else 0.0
-    if pairs and pairs[0][0] > single + 20.0 and len(fit.effects) + 2 <= MAX_EFFECTS:
-        chosen += pairs[:2]
-    return [join(fit, some) for _, atoms in chosen for some in also_little(atoms)]
+    singles = sorted((a for a in best[: 4 * MOST] if worth([a]) > 0.0), key=lambda a: -worth([a]))
+    chosen: list[Sequence[Atom]] = [(atom,) for atom in diverse(singles)]
+    if len(fit.effects) + 2 <= MAX_EFFECTS:
+        pairs = [p for p in itertools.combinations(best[:12], 2) if p[0].effect.key != p[1].effect.key]
+        least = 20.0 + max((worth(atoms) for atoms in chosen), default=0.0)
+        ranked = sorted(((worth(pair), pair) for pair in pairs), key=lambda item: -item[0])
+        if ranked and ranked[0][0] > least:
+            chosen += [pair for value, pair in ranked[:2] if value > 0.0]
+    return [join(fit, some) for atoms in chosen for some in also_little(atoms)]
 
 
 def _simplify(selection: Selection, shooting: Shooting, effects: Sequence[Effect]) -> None:

@@ -55,6 +55,21 @@ class Shooting:
         measured = self.segments.position if self.offset is None else self.segments.position - self.offset
         return self.noise.whiten(self.segments, measured - predicted)
 
+    def residual_of(self, fit: Fit) -> Array:
+        """Whitened residuals of a fit ``(S, M)``, zero where its simulation failed."""
+        predicted, _ = self.engine.predict(self.segments, fit.starts[None], [fit.candidate])
+        return np.nan_to_num(self.residuals(predicted)[0])
+
+    def whiten_columns(self, columns: Array) -> Array:
+        """Derivatives of the positions ``(S, K + 1, C, A)`` in units of white noise, ``(S, M, A)``."""
+        moved = self.noise.whiten(self.segments, np.moveaxis(columns, -1, 0))
+        return np.nan_to_num(moved.transpose(1, 2, 0))
+
+    def pick(self, which: NDArray[np.int64] | NDArray[np.bool_]) -> Shooting:
+        """The same likelihood over some of the segments."""
+        offset = None if self.offset is None else self.offset[which]
+        return dataclasses.replace(self, segments=self.segments.pick(which), offset=offset)
+
     def corrected(self, precise: Engine, fit: Fit) -> Shooting:
         """The same with the error of a coarse engine taken out, as it is at a fit.
 
@@ -90,8 +105,7 @@ class Shooting:
         """The same likelihood over a share of the segments, spread evenly; and which."""
         count = max(int(np.ceil(share * self.segments.size)), min(6, self.segments.size))
         which = np.unique(np.linspace(0, self.segments.size - 1, count).round().astype(np.int64))
-        offset = None if self.offset is None else self.offset[which]
-        return dataclasses.replace(self, segments=self.segments.pick(which), offset=offset), which
+        return self.pick(which), which
 
     def fit(
         self,

@@ -49,8 +49,7 @@ class LinearSpring(JointEffect):
     @classmethod
     def at(cls, place: Place, model: mujoco.MjModel) -> Self:
         """Makes the effect for a joint."""
-        reach = max(abs(place.position[0]), abs(place.position[1]), 1e-6)
-        scale = _SMALL * place.force / reach
+        scale = _SMALL * place.force / _reach(place)
         parameters = (
             Parameter("stiffness", f"{place.force_unit}/{place.position_unit}", scale, low=_softest(place, model)),
             Parameter("preload", place.force_unit, _SMALL * place.force),
@@ -79,8 +78,7 @@ class CenteredSpring(JointEffect):
     @classmethod
     def at(cls, place: Place, model: mujoco.MjModel) -> Self:
         """Makes the effect for a joint."""
-        reach = max(abs(place.position[0]), abs(place.position[1]), 1e-6)
-        scale = _SMALL * place.force / reach
+        scale = _SMALL * place.force / _reach(place)
         unit = f"{place.force_unit}/{place.position_unit}"
         return cls.make(place, (Parameter("stiffness", unit, scale, low=_softest(place, model)),), [[scale]])
 
@@ -102,8 +100,7 @@ class CubicSpring(JointEffect):
     @classmethod
     def at(cls, place: Place, model: mujoco.MjModel) -> Self:
         """Makes the effect for a joint."""
-        reach = max(abs(place.position[0]), abs(place.position[1]), 1e-6)
-        scale = _SMALL * place.force / reach**3
+        scale = _SMALL * place.force / _reach(place) ** 3
         unit = f"{place.force_unit}/{place.position_unit}3"
         low = -float(model.jnt_stiffnesspoly[model.dof_jntid[place.index], 1])
         return cls.make(place, (Parameter("stiffness", unit, scale, low=low),), [[scale]])
@@ -119,6 +116,11 @@ class CubicSpring(JointEffect):
             return False
         joint.stiffness[2] += float(values[0])
         return True
+
+
+def _reach(place: Place) -> float:
+    """The largest recorded distance from the model's zero, rad or m."""
+    return max(abs(place.position[0]), abs(place.position[1]), 1e-6)
 
 
 def _softest(place: Place, model: mujoco.MjModel) -> float:
