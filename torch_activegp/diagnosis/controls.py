@@ -48,6 +48,11 @@ class Controls:
         zero = np.zeros((segments.size, segments.intervals, nu))
         self._shoves = None if all(shove is None for shove in shoves) else added(zero, shoves)
 
+    @property
+    def held(self) -> bool:
+        """Whether no control changes between two rows."""
+        return not self._slot.any()
+
     def __call__(self, interval: int, substep: int) -> Array:
         """Controls of all simulations in a step of an interval, ``(N * S, nu)``."""
         rows = np.minimum(self._first + interval * self._substeps + substep, self._all.shape[2] - 1)

@@ -25,6 +25,7 @@ from torch_activegp.simulators.mujoco_warnings import warnings_to
 _logger = logging.getLogger(__name__)
 _MAX_ROWS = 6000
 _MAX_BYTES = 60_000_000
+_Disable = mujoco.mjtDisableBit
 
 
 class Engine:
@@ -49,7 +50,8 @@ class Engine:
         stride: int = 1,
     ) -> None:
         self.model = copy.copy(model)
-        self.model.opt.disableflags |= int(mujoco.mjtDisableBit.mjDSBL_CLAMPCTRL)  # runs hold what the limits let pass
+        self.model.opt.disableflags |= int(_Disable.mjDSBL_CLAMPCTRL)  # runs hold what the limits let pass
+        self.model.opt.disableflags |= int(_Disable.mjDSBL_SENSOR)  # readings come from the states
         if integrator is not None:
             self.model.opt.integrator = integrator
         self.channels = channels
@@ -123,10 +125,11 @@ class Engine:
         steps = np.broadcast_to(lengths, (count, *lengths.shape)).reshape(rows, -1)
         states = np.empty((rows, intervals + 1, self.state_size))
         states[:, 0] = flat
+        calls, at_once = (1, self.substeps) if control.held and not acting else (self.substeps, 1)
         with warnings_to(_logger.debug), np.errstate(all="ignore"):
             for k, (row, after) in enumerate(itertools.pairwise(edges)):
                 time_step[:rows] = steps[:, k]
-                for j in range(self.substeps):
+                for j in range(calls):
                     views["ctrl"][:] = _mean([control(r, j) for r in range(row, after)])
                     views["qfrc_applied"][:] = _mean([force[:, :, r].reshape(rows, -1) for r in range(row, after)])
                     if acting:
@@ -136,7 +139,7 @@ class Engine:
                         for effect, which, values, memory in acting:
                             effect.before_step(step, which, values, memory)
                     try:
-                        batch.step(ids, 1)
+                        batch.step(ids, at_once)
                     except mujoco.batch.SimulationError as error:
                         _logger.debug("%s", error)
                 states[:, after, : model.nq], states[:, after, model.nq :] = views["qpos"], views["qvel"]

@@ -200,17 +200,17 @@ class ActuatorLag(ActuatorEffect):
 
     def control(self, control: Array, dt: Array, values: Array) -> Array:
         """Filters the control exactly for a control that is held in each step; gives the mean over the step."""
-        u = control[..., self.index]
-        constant = np.maximum(_wide(values[:, 0]), 1e-9)
-        ratio = dt[None] / constant
-        decay = np.exp(-ratio)
-        mean = -np.expm1(-ratio) / np.maximum(ratio, 1e-300)
-        state = u[..., 0].copy()
-        out = np.empty_like(u)
-        for k in range(u.shape[-1]):
-            out[..., k] = u[..., k] + (state - u[..., k]) * mean[..., k]
-            state = u[..., k] + (state - u[..., k]) * decay[..., k]
-        control[..., self.index] = out
+        held = np.ascontiguousarray(np.moveaxis(control[..., self.index], -1, 0))
+        steps = np.ascontiguousarray(np.moveaxis(dt, -1, 0))[:, None]
+        constant = np.maximum(values[:, :1], 1e-9)
+        state, out = held[0], np.empty_like(held)
+        for k, (u, step) in enumerate(zip(held, steps, strict=True)):
+            ratio = step / constant
+            past = state - u
+            gone = -np.expm1(-ratio)
+            out[k] = u + past * (gone / np.maximum(ratio, 1e-300))
+            state = u + past * (1.0 - gone)
+        control[..., self.index] = np.moveaxis(out, 0, -1)
         return control
 
     def write(self, spec: mujoco.MjSpec, values: Array) -> bool:
