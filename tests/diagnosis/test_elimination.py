@@ -2,7 +2,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from torch_activegp.diagnosis.elimination import eliminate, invert
+from torch_activegp.diagnosis.elimination import bounded_step, eliminate, invert
 
 
 def test_the_eliminated_normal_equations_equal_a_dense_least_squares() -> None:
@@ -44,3 +44,12 @@ def test_the_inverse_does_not_depend_on_units() -> None:
     units = np.array([1e-6, 1.0, 1e5])
     inverse = invert((columns * units).T @ (columns * units))
     np.testing.assert_allclose(inverse * np.outer(units, units), np.linalg.inv(columns.T @ columns), rtol=1e-8)
+
+
+def test_a_step_stops_at_the_bound_and_the_others_make_up_for_it() -> None:
+    normal, gradient = np.array([[2.0, 1.0], [1.0, 2.0]]), np.array([-3.0, 3.0])
+    at, low, high = np.array([0.0, 0.0]), np.array([0.0, -9.0]), np.array([9.0, 9.0])
+    free = bounded_step(normal, gradient, 0.0, at, low - 9.0, high)
+    np.testing.assert_allclose(free, np.linalg.solve(normal, gradient))
+    np.testing.assert_allclose(bounded_step(normal, gradient, 0.0, at, low, high), [0.0, 1.5])
+    np.testing.assert_allclose(bounded_step(normal, gradient, 1.0, at, low, high), [0.0, 0.75])

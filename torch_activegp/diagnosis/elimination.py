@@ -49,6 +49,33 @@ def invert(normal: Array, rcond: float = 1e-10) -> Array:
     return np.asarray(np.linalg.pinv(normal / np.outer(scale, scale), rcond=rcond) / np.outer(scale, scale))
 
 
+def bounded_step(normal: Array, gradient: Array, damping: float, at: Array, low: Array, high: Array) -> Array:
+    """The step of Levenberg and Marquardt within bounds: a parameter that would leave its bounds stays there.
+
+    Args:
+        normal: ``(P, P)``.
+        gradient: ``(P,)``.
+        damping: in units of the normal matrix's diagonal.
+        at: where the parameters are, ``(P,)``.
+        low: their least values, ``(P,)``.
+        high: their largest, ``(P,)``.
+    """
+    free = np.ones(len(at), dtype=bool)
+    delta = np.zeros(len(at))
+    for _ in range(3):
+        delta = np.zeros(len(at))
+        matrix = normal[np.ix_(free, free)]
+        weight = damping * np.diag(matrix) + 1e-300
+        if free.any():
+            delta[free] = np.linalg.lstsq(matrix + np.diag(weight), gradient[free], rcond=1e-12)[0]
+        wanted = at + delta
+        stuck = free & (((wanted < low) & (at <= low)) | ((wanted > high) & (at >= high)))
+        if not stuck.any():
+            break
+        free &= ~stuck
+    return np.asarray(np.clip(at + delta, low, high) - at)
+
+
 def eliminate(design: Array, columns: Array, residual: Array) -> Eliminated:
     """Projects the free initial states out of the columns and the residual of every segment.
 

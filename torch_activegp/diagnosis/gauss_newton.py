@@ -7,7 +7,7 @@ from typing import Protocol
 
 import numpy as np
 
-from torch_activegp.diagnosis.elimination import eliminate
+from torch_activegp.diagnosis.elimination import bounded_step, eliminate
 from torch_activegp.diagnosis.engine import Candidate
 from torch_activegp.diagnosis.fit import Fit
 from torch_activegp.diagnosis.runs import Array
@@ -232,21 +232,7 @@ class Problem:
         delta = np.zeros(len(flat))
         if not self._still:
             normal, gradient = eliminated.normal.sum(0), eliminated.gradient.sum(0)
-            free = np.ones(len(flat), dtype=bool)
-            for _ in range(3):  # a parameter that would leave its bounds stays at the bound
-                delta = np.zeros(len(flat))
-                matrix = normal[np.ix_(free, free)]
-                weight = self._damping * np.diag(matrix) + 1e-300
-                if free.any():
-                    delta[free] = np.linalg.lstsq(matrix + np.diag(weight), gradient[free], rcond=1e-12)[0]
-                wanted = flat + delta
-                stuck = free & (
-                    ((wanted < self._low) & (flat <= self._low)) | ((wanted > self._high) & (flat >= self._high))
-                )
-                if not stuck.any():
-                    break
-                free &= ~stuck
-            delta = np.clip(flat + delta, self._low, self._high) - flat
+            delta = bounded_step(normal, gradient, self._damping, flat, self._low, self._high)
         shift = eliminated.states(delta[: eliminated.normal.shape[-1]], self._reach)
         gain = float((np.einsum("smn,sm->sn", eliminated.basis, eliminated.residual) ** 2).sum())
         if not self._still:
