@@ -162,7 +162,7 @@ def _split(
     if not tunable or not others:
         return list(best.effects), ()
     values = dict(zip(best.effects, best.values, strict=True))
-    alone, without = (_fitted(shooting, selection, some, values) for some in (tunable, others))
+    alone, without = (fitted(shooting, selection, some, values) for some in (tunable, others))
     if nominal.chi2 - alone.chi2 < RETUNED * (without.chi2 - best.chi2):
         return others, tuple(tunable)
     return list(best.effects), ()
@@ -183,7 +183,7 @@ def _shares(
         if len(left) == 1:
             fits = [best]
         else:
-            fits = [_fitted(shooting, selection, [*always, *order, e], values) for e in left]
+            fits = [fitted(shooting, selection, [*always, *order, e], values) for e in left]
         first = min(range(len(left)), key=lambda i: fits[i].chi2)
         order.append(left[first])
         shares.append(float(np.clip((level - fits[first].chi2) / total, 0.0, 1.0)) * explained)
@@ -191,7 +191,7 @@ def _shares(
     return tuple(order), tuple(shares)
 
 
-def _fitted(shooting: Shooting, selection: Selection, effects: Sequence[Effect], values: dict[Effect, Array]) -> Fit:
+def fitted(shooting: Shooting, selection: Selection, effects: Sequence[Effect], values: dict[Effect, Array]) -> Fit:
     """The fit of a set, which may have been compared already."""
     known = [fit for fit in selection.fits if frozenset(fit.effects) == frozenset(effects)]
     if known:
