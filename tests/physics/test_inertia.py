@@ -18,6 +18,10 @@ from torch_activegp.physics.inertia import (
     PayloadMass,
 )
 
+SLIDE = """
+<mujoco><option timestep="0.001" gravity="0 0 0"/><worldbody><body name="cart">
+<joint name="x" type="slide" axis="1 0 0" armature="0.5"/><geom type="box" size=".2 .05 .1" mass="1"/></body>
+</worldbody><actuator><motor name="drive" joint="x"/></actuator></mujoco>"""
 FORE = Place("body:fore", 2)
 BALANCED = """
 <mujoco><option timestep="0.001"/><worldbody><body name="cart"><joint name="x" type="slide" axis="1 0 0"/>
@@ -47,6 +51,13 @@ def effects(model: mujoco.MjModel) -> list[tuple[Any, list[float]]]:
 def test_the_models_file_does_the_same(bench: Any, number: int) -> None:
     effect, values = effects(bench.model)[number]
     assert bench.gap(bench.hooks(effect, values), bench.written(effect, values)) < 2e-4
+
+
+def test_a_rotor_counts_where_mujoco_takes_a_shortcut(bench: Any) -> None:
+    machine = dataclasses.replace(bench, xml=SLIDE, start=(0.0,))
+    assert machine.model.dof_simplenum[0]
+    effect = ArmatureError.at(Place("joint:x", 0), machine.model)
+    assert machine.gap(machine.hooks(effect, [0.3]), machine.written(effect, [0.3])) < 1e-9
 
 
 @pytest.mark.parametrize("offset", [(0.0, 0.0, 0.0), (0.15, 0.0, 0.0), (0.1, 0.05, -0.08)])

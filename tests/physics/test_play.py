@@ -86,7 +86,7 @@ def test_the_rotor_starts_where_it_must_push(bench: Any) -> None:
     positions = np.stack([0.5 * 30.0 * t**2, -0.5 * 30.0 * t**2])
     memory = effect.memory(positions, np.array([[0, 0], [0, 10], [1, 19]]), np.full((3, 1), 0.2))
     np.testing.assert_allclose(memory[:, 1], [30.0, 30.0, -30.0])
-    fields = {"dof_armature": np.zeros((3, 1))}
+    fields = {name: np.zeros((3, 1)) for name in ("dof_armature", "dof_M0")}
     q, v, weak = np.zeros((3, 1)), np.zeros((3, 1)), np.full((3, 1), 0.1)  # 0.2 N m do not turn the rotor at 30 rad/s2
     step = Step(q, v, weak, np.zeros((3, 1)), fields.__getitem__, np.full(3, 0.001))
     effect.before_step(step, np.arange(3), np.full((3, 1), 0.2), memory)
@@ -99,7 +99,7 @@ def test_a_failed_simulation_leaves_its_neighbour_alone(bench: Any) -> None:
     effect = Backlash.at(JOINT, machine.model)
     memory = np.full((2, 6), np.nan)
     for _ in range(3):
-        fields = {"dof_armature": np.zeros((2, 1))}
+        fields = {name: np.zeros((2, 1)) for name in ("dof_armature", "dof_M0")}
         q, v, u = np.array([[0.1], [np.nan]]), np.array([[0.5], [np.nan]]), np.ones((2, 1))
         step = Step(q, v, u, np.zeros((2, 1)), fields.__getitem__, np.full(2, 0.001))
         effect.before_step(step, np.arange(2), np.full((2, 1), 0.05), memory)

@@ -122,7 +122,8 @@ def select(
     swapped: frozenset[Effect] = frozenset()
     swaps = 0
     for _ in range(2 * MAX_EFFECTS):
-        beam = [f for f in sorted(selection.fits, key=selection.score) if frozenset(f.effects) not in expanded]
+        fresh = {frozenset(f.effects): f for f in sorted(selection.fits, key=selection.score, reverse=True)}
+        beam = sorted((f for effects, f in fresh.items() if effects not in expanded), key=selection.score)
         beam = [f for f in beam[:BEAM] if selection.score(f) <= selection.score(selection.best) + selection.score.slack]
         if not beam:
             if frozenset(selection.best.effects) == swapped or swaps == SWAPS or _hopeless(selection, shooting, 1):

@@ -10,7 +10,7 @@ import mujoco
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from torch_activegp.physics.effect import Array, Effect, Index, Parameter, Place, element
+from torch_activegp.physics.effect import Array, Effect, Index, Parameter, Place, add_rotor, element
 from torch_activegp.physics.joint import JointEffect
 
 _AXES = "xyz"
@@ -34,7 +34,7 @@ class ArmatureError(JointEffect):
 
     def edit(self, field: Callable[[str], Array], rows: Index, values: Array) -> bool:
         """Adds to ``dof_armature``."""
-        field("dof_armature")[rows, self.dof] += values[:, 0]
+        add_rotor(field, rows, self.dof, values[:, 0])
         return False
 
     def write(self, spec: mujoco.MjSpec, values: Array) -> bool:

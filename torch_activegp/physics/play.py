@@ -10,7 +10,7 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
-from torch_activegp.physics.effect import Array, Effect, Index, Parameter, Place, Step
+from torch_activegp.physics.effect import Array, Effect, Index, Parameter, Place, Step, add_rotor
 from torch_activegp.physics.joint import JointEffect
 
 _SMALL = 0.05
@@ -114,7 +114,7 @@ class Backlash(Effect):
 
     @classmethod
     def at(cls, place: Place, model: mujoco.MjModel) -> Self:
-        """Makes the effect for a joint that :meth:`fits`, with gaps from 0.5 to 20 % of the range."""
+        """Makes the effect for a joint that :meth:`fits`, with gaps from 0.05 to 20 % of the range."""
         width = max(place.position[1] - place.position[0], 1e-9)
         armature = float(model.dof_armature[place.index])
         drives = []
@@ -126,7 +126,7 @@ class Backlash(Effect):
         return cls(
             place.target,
             (Parameter("gap", place.position_unit, 0.01 * width, low=0.0, high=width),),
-            np.array([[share * width] for share in (0.005, 0.015, 0.04, 0.1, 0.2)]),
+            np.array([[share * width] for share in (5e-4, 1.5e-3, 5e-3, 0.015, 0.04, 0.1, 0.2)]),
             linear=0,
             dof=place.index,
             qpos=place.qpos,
@@ -138,7 +138,7 @@ class Backlash(Effect):
 
     def edit(self, field: Callable[[str], Array], rows: Index, values: Array) -> bool:
         """Takes the rotor off the joint."""
-        field("dof_armature")[rows, self.dof] -= self.armature
+        add_rotor(field, rows, self.dof, np.full(len(rows), -self.armature))
         return False
 
     def memory(self, positions: Array, starts: Array, values: Array) -> Array:
@@ -161,12 +161,11 @@ class Backlash(Effect):
         assert memory is not None
         q, v, dt = step.qpos[rows, self.qpos], step.qvel[rows, self.dof], step.dt[rows]
         torque, half = self._torque(step.ctrl[rows]), 0.5 * values[:, 0]
-        armature = step.field("dof_armature")
         new = np.isnan(memory[:, 4])
         if new.any():
             side = np.where(torque < self.rotor * memory[:, 1], -1.0, 1.0)
             memory[new] = np.stack([q + side * half, v, v, 0.0 * v, side, 0.0 * v], axis=1)[new]
-            armature[rows[new], self.dof] += self.rotor
+            add_rotor(step.field, rows[new], self.dof, np.full(int(new.sum()), self.rotor))
         place, before, free, apart, side, last = memory.T
         pulled = side * (free - v - apart) < 0.0
         held = (side != 0.0) & ~pulled
@@ -177,7 +176,7 @@ class Backlash(Effect):
         then = off + dt * (free - v)
         now = np.where(held, side, np.sign(then) * (np.abs(then) >= half))
         apart = np.where(now != 0.0, (now * half - off) / dt, 0.0)
-        armature[rows, self.dof] += self.rotor * (np.abs(now) - np.abs(side))
+        add_rotor(step.field, rows, self.dof, self.rotor * (np.abs(now) - np.abs(side)))
         step.force[rows, self.dof] += back + np.where(now != 0.0, self.rotor * (speed - v - apart) / dt, -torque)
         memory[:] = np.stack([q + off, speed, free, apart, now, dt], axis=1)
 
