@@ -1,10 +1,20 @@
 from __future__ import annotations
 
+import dataclasses
 import json
 
 import pytest
 
-from torch_activegp.diagnosis.result import SCHEMA_VERSION, Diagnosis, Estimate, NamedEffect, write_whole
+from torch_activegp.diagnosis.result import (
+    SCHEMA_VERSION,
+    Diagnosis,
+    EffectStability,
+    Estimate,
+    NamedEffect,
+    Spread,
+    Stability,
+    write_whole,
+)
 
 
 @pytest.fixture
@@ -37,6 +47,29 @@ def test_as_a_dictionary(result) -> None:
     assert effect["parameters"] == {"coefficient": {"value": 0.06, "unit": "N m s/rad", "ci95": [0.05, 0.07]}}
     assert effect["ties"] == [{"name": "quadratic_drag", "target": "joint:hip"}]
     assert effect["mjcf"] is True
+
+
+def test_a_warning_about_stability_is_read_and_kept_as_plain_values(result) -> None:
+    effect = EffectStability("cogging", "joint:hip", (3.0, None), ("b",), {"phase": Spread(0.1, 0.2, 1.5, "a")})
+    for sound in (True, False):
+        stable = Stability(("a", "b"), (effect,), "It rests on b.", sound)
+        found = dataclasses.replace(result, stability=stable)
+        assert ("It rests on b." in str(found)) is not sound
+        assert found.to_dict()["stability"] == {
+            "left_out": ["a", "b"],
+            "effects": [
+                {
+                    "name": "cogging",
+                    "target": "joint:hip",
+                    "gains": [3.0, None],
+                    "rests_on": ["b"],
+                    "parameters": {"phase": {"low": 0.1, "high": 0.2, "shift": 1.5, "farthest": "a"}},
+                }
+            ],
+            "sentence": "It rests on b.",
+            "sound": sound,
+        }
+    assert result.to_dict()["stability"] is None
 
 
 def test_the_folder_holds_every_file(result, tmp_path) -> None:

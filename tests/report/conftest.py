@@ -80,7 +80,7 @@ def _base(verdict: str) -> dict[str, Any]:
         ],
         "rivals": [],
         "retuned": [],
-        "stability": [],
+        "stability": None,
         "mjcf_diff": None,
     }
 
@@ -218,14 +218,31 @@ def named() -> Fake:
             ([], 8.13, 2210.0, 0.0),
         ),
         "retuned": [VISCOUS],
-        "stability": [
-            {
-                "dropped": f"bench_{index:02d}.csv",
-                "effects": [COULOMB, DELAY] if index != 4 else [COULOMB],
-                "parameters": {"coulomb_friction@joint:elbow.level": 0.31 + 0.002 * index},
-            }
-            for index in range(1, 7)
-        ],
+        "stability": {
+            "left_out": [f"bench_{index:02d}.csv" for index in range(1, 7)],
+            "effects": [
+                {
+                    "name": "coulomb_friction",
+                    "target": "joint:elbow",
+                    "gains": [310.2, 290.8, 402.1, 388.0, 275.3, 301.9],
+                    "rests_on": [],
+                    "parameters": {"level": {"low": 0.308, "high": 0.315, "shift": 0.42, "farthest": "bench_03.csv"}},
+                },
+                {
+                    "name": "actuator_delay",
+                    "target": "actuator:shoulder_motor",
+                    "gains": [-1.2, 0.4, 2.1, None, 0.9, -0.3],
+                    "rests_on": ["bench_04.csv"],
+                    "parameters": {
+                        "seconds": {"low": 0.0098, "high": 0.0131, "shift": 2.9, "farthest": "bench_01.csv"}
+                    },
+                },
+            ],
+            "sentence": "Each recording left out in turn and forecast from the rest: coulomb_friction at joint:elbow "
+            "improves 6 of 6, actuator_delay at actuator:shoulder_motor improves 3 of 6; actuator_delay at "
+            "actuator:shoulder_motor rests on bench_04.csv alone: the rest shows no sign of it.",
+            "sound": False,
+        },
         "mjcf_diff": DIFF,
     }
     evidence = _evidence(40.0) | {"laws": [_law("coulomb_friction", "joint:elbow"), _delay_law()]}

@@ -16,7 +16,7 @@ from torch_activegp.report import render_report, write_report
 
 VERDICTS = ("none", "named", "tie", "unknown")
 VOID = {"meta", "path", "rect", "br"}
-ALL = ["place", "rivals", "law", "traces", "parameters", "correction", "unknowns", "sources"]
+ALL = ["place", "rivals", "law", "traces", "parameters", "stability", "correction", "unknowns", "sources"]
 EMPTY: dict[str, Any] = {"schema_version": 1, "verdict": "none", "mismatch": {}, "effects": []}
 
 
@@ -78,8 +78,8 @@ def test_a_section_is_there_with_its_data_and_absent_without(fakes: Any) -> None
     diagnosis, evidence = fakes["named"]()
     assert Page(render_report(diagnosis, evidence)).ids("section") == ALL
     assert Page(render_report(EMPTY, {})).ids("section") == ["unknowns"]
-    without = Page(render_report(diagnosis | {"rivals": [], "stability": []}, evidence | {"laws": []}))
-    assert without.ids("section") == [name for name in ALL if name not in ("rivals", "law")]
+    without = Page(render_report(diagnosis | {"rivals": [], "stability": None}, evidence | {"laws": []}))
+    assert without.ids("section") == [name for name in ALL if name not in ("rivals", "law", "stability")]
 
 
 @pytest.mark.parametrize("verdict", VERDICTS)

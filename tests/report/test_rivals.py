@@ -37,13 +37,6 @@ def test_all_that_tie_are_marked(fakes: Any) -> None:
     assert [row["tag"] for row in rivals(*fakes["tie"]()).content["rows"]] == ["tied", "tied", "", ""]
 
 
-def test_stability_shows_where_the_names_change(fakes: Any) -> None:
-    content = rivals(*fakes["named"]()).content
-    assert content["stable"] == 5
-    assert [entry["dropped"] for entry in content["stability"] if not entry["same"]] == ["bench_04.csv"]
-    assert content["stability"][0]["parameters"] == "level 0.312"
-
-
 def test_the_many_rivals_go_behind_a_fold(fakes: Any) -> None:
     diagnosis, evidence = fakes["named"]()
     content = rivals(diagnosis | {"rivals": diagnosis["rivals"] * 2}, evidence).content

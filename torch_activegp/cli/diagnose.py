@@ -103,6 +103,9 @@ def _show(found: Values) -> None:
         if effect.get("ties"):
             rivals = listed((_named(tie) for tie in effect["ties"]), "or")
             _say(f"Tie: {_named(effect)} cannot be told from {rivals} by these recordings.")
+    stable = found.get("stability")
+    if stable:
+        _say(stable["sentence"])
     rest = (found.get("unexplained") or {}).get("share")
     if is_number(rest):
         _say(f"Not explained: {percent(rest)} of the mismatch.")

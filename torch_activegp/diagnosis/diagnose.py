@@ -27,6 +27,7 @@ from torch_activegp.diagnosis.remainder import Outcome, model_remainder
 from torch_activegp.diagnosis.result import Diagnosis, NamedEffect
 from torch_activegp.diagnosis.runs import input_addresses, median_step
 from torch_activegp.diagnosis.source import Source, read_source
+from torch_activegp.diagnosis.stability import stability
 from torch_activegp.diagnosis.words import sentence
 
 _WORTH_LEARNING = 0.03
@@ -80,6 +81,8 @@ def _report(
     source: Source, machine: Machine, explanation: Explanation, judgement: Judgement, seed: int, say: Tell
 ) -> Diagnosis:
     shooting, nominal = explanation.shooting, explanation.selection.nominal
+    say("leaving out one recording at a time", 0.75)
+    stable = stability(shooting, explanation.selection, judgement)
     say("locating", 0.8)
     mismatch = max(nominal.chi2 - shooting.dof, 0.0)
     regions = locate(shooting, nominal) if judgement.verdict != "none" else []
@@ -138,7 +141,7 @@ def _report(
     }
     words = sentence(judgement.verdict, named, details)
     states = {"remainder.pt": outcome.effect.state()} if outcome is not None and outcome.effect is not None else {}
-    return Diagnosis(judgement.verdict, words, named, details, evidence, files, corrected, learned, states)
+    return Diagnosis(judgement.verdict, words, named, details, evidence, files, corrected, learned, states, stable)
 
 
 def _remainder(explanation: Explanation, judgement: Judgement, chosen: Fit) -> Outcome | None:

@@ -34,8 +34,8 @@ def covariance(shooting: Shooting, fit: Fit) -> Array:
     return plain * np.outer(ratio, ratio)
 
 
-def estimates(shooting: Shooting, fit: Fit, effect: Effect) -> dict[str, Estimate]:
-    """The parameters of one effect of a fit as its users know them, with 95 % intervals (delta method)."""
+def standard_errors(shooting: Shooting, fit: Fit, effect: Effect) -> dict[str, float]:
+    """Standard errors of the parameters of one effect of a fit as its users know them (delta method)."""
     k = fit.effects.index(effect)
     first = sum(len(v) for v in fit.values[:k])
     values = fit.values[k]
@@ -43,13 +43,22 @@ def estimates(shooting: Shooting, fit: Fit, effect: Effect) -> dict[str, Estimat
     center = effect.describe(values)
     steps = 1e-4 * np.maximum(np.abs(values), [p.scale for p in effect.parameters])
     moved = [effect.describe(values + step) for step in np.diag(steps)]
-    wide = stats.t.ppf(_LEVEL, max(shooting.segments.size - fit.size, 3))
     out = {}
-    for i, (name, value) in enumerate(center.items()):
+    for name, value in center.items():
         slope = np.array([(m[name] - value) / step for m, step in zip(moved, steps, strict=True)])
-        half = float(wide * np.sqrt(max(slope @ block @ slope, 0.0)))
-        out[name] = Estimate(value, _unit(effect, name, i), (value - half, value + half))
+        out[name] = float(np.sqrt(max(slope @ block @ slope, 0.0)))
     return out
+
+
+def estimates(shooting: Shooting, fit: Fit, effect: Effect) -> dict[str, Estimate]:
+    """The parameters of one effect of a fit as its users know them, with 95 % intervals."""
+    wide = float(stats.t.ppf(_LEVEL, max(shooting.segments.size - fit.size, 3)))
+    errors = standard_errors(shooting, fit, effect)
+    center = effect.describe(fit.values[fit.effects.index(effect)])
+    return {
+        name: Estimate(value, _unit(effect, name, i), (value - wide * errors[name], value + wide * errors[name]))
+        for i, (name, value) in enumerate(center.items())
+    }
 
 
 def _unit(effect: Effect, name: str, index: int) -> str:

@@ -74,6 +74,72 @@ class NamedEffect:
 
 
 @dataclasses.dataclass(frozen=True)
+class Spread:
+    """How far a parameter moves when recordings are left out.
+
+    Args:
+        low: the least estimate.
+        high: the largest.
+        shift: the largest change from the estimate on all recordings, in standard errors of that.
+        farthest: the recording without which it changes most.
+    """
+
+    low: float
+    high: float
+    shift: float
+    farthest: str
+
+
+@dataclasses.dataclass(frozen=True)
+class EffectStability:
+    """What becomes of one effect when recordings are left out.
+
+    Args:
+        name: as in :class:`NamedEffect`.
+        target: as there.
+        gains: by how much the effect, fitted to the others, lowers the chi2 of each recording that was left out, in
+            units of the noise; None where the others say nothing about the effect.
+        rests_on: recordings without which the effect would not have been worth its name.
+        parameters: by name, over the fits that say something about the effect; empty where there is none.
+    """
+
+    name: str
+    target: str
+    gains: tuple[float | None, ...]
+    rests_on: tuple[str, ...]
+    parameters: Mapping[str, Spread]
+
+
+@dataclasses.dataclass(frozen=True)
+class Stability:
+    """What becomes of the named effects when each recording is left out in turn.
+
+    Args:
+        left_out: the recordings; halves of it where there is only one, neighbours together where there are many.
+        effects: the named effects.
+        sentence: the same in words.
+        sound: whether the words are no warning.
+    """
+
+    left_out: tuple[str, ...]
+    effects: tuple[EffectStability, ...]
+    sentence: str
+    sound: bool
+
+    def __str__(self) -> str:
+        return self.sentence
+
+    def to_dict(self) -> dict[str, Any]:
+        """The entry of ``diagnosis.json``."""
+        plain = dataclasses.asdict(self)
+        return {**plain, "left_out": list(self.left_out), "effects": [_listed(e) for e in plain["effects"]]}
+
+
+def _listed(values: dict[str, Any]) -> dict[str, Any]:
+    return {key: list(value) if isinstance(value, tuple) else value for key, value in values.items()}
+
+
+@dataclasses.dataclass(frozen=True)
 class Diagnosis:
     """The result of :func:`~torch_activegp.diagnosis.diagnose`.
 
@@ -88,6 +154,7 @@ class Diagnosis:
             :func:`~torch_activegp.diagnosis.simulator.corrected_simulator`.
         learned: the same with a Gaussian process of the force that no effect explains, or None where there is none.
         states: further files to write with ``torch.save``, by name: ``remainder.pt``.
+        stability: what becomes of the effects when each recording is left out, where there are effects.
     """
 
     verdict: str
@@ -99,6 +166,7 @@ class Diagnosis:
     corrected: Any = None
     learned: Any = None
     states: Mapping[str, Any] = dataclasses.field(default_factory=dict)
+    stability: Stability | None = None
 
     def __str__(self) -> str:
         lines = [self.sentence]
@@ -106,6 +174,8 @@ class Diagnosis:
             values = ", ".join(f"{name} {estimate}" for name, estimate in effect.parameters.items())
             ties = "".join(f"; or {name} at {target}" for name, target in effect.ties)
             lines.append(f"  {effect.name} at {effect.target}: {values}; explains {effect.share:.0%}{ties}")
+        if self.stability is not None and not self.stability.sound:
+            lines.append(str(self.stability))
         return "\n".join(lines)
 
     def to_dict(self) -> dict[str, Any]:
@@ -115,6 +185,7 @@ class Diagnosis:
             "verdict": self.verdict,
             "sentence": self.sentence,
             "effects": [effect.to_dict() for effect in self.effects],
+            "stability": None if self.stability is None else self.stability.to_dict(),
             **self.details,
         }
 

@@ -19,11 +19,12 @@ from torch_activegp.report.parameters import parameters
 from torch_activegp.report.place import place
 from torch_activegp.report.rivals import rivals
 from torch_activegp.report.sources import sources
+from torch_activegp.report.stability import stability
 from torch_activegp.report.traces import traces
 from torch_activegp.report.unknowns import unknowns
 from torch_activegp.report.verdict import banner
 
-_SECTIONS = (place, rivals, law, traces, parameters, correction, unknowns, sources)
+_SECTIONS = (place, rivals, law, traces, parameters, stability, correction, unknowns, sources)
 _STYLES = ("page.css", "banner.css", "tables.css", "charts.css", "narrow.css", "print.css")
 _SCRIPT = "page.js"
 

@@ -1,4 +1,4 @@
-"""The evidence: the named effects against every rival explanation, and against leaving a run out."""
+"""The evidence: the named effects against every rival explanation."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ from typing import Any
 
 from torch_activegp.report.numbers import is_number, misfit, number, percent
 from torch_activegp.report.section import Section, Values
-from torch_activegp.report.words import bic_word, capital, effects_text, listed
+from torch_activegp.report.words import bic_word, capital, effects_text
 
 _FIRST = 8
 _HARDLY = 1e-12
@@ -16,21 +16,15 @@ _TAGS = {"none": "the verdict", "named": "the verdict", "tie": "tied", "unknown"
 
 def rivals(diagnosis: Values, evidence: Values) -> Section | None:
     """The explanations side by side, best first; None if none were compared."""
-    found, dropped = diagnosis.get("rivals") or [], diagnosis.get("stability") or []
-    if not (found or dropped):
+    found = diagnosis.get("rivals") or []
+    if not found:
         return None
     named = _key(diagnosis.get("effects") or [])
     rows = [_row(rival, found[0], named) for rival in found]
     for row in rows:
         if row["named"] or (diagnosis["verdict"] == "tie" and row["close"]):
             row["tag"] = _TAGS[diagnosis["verdict"]]
-    stability = [_dropped(entry, named) for entry in dropped]
-    content = {
-        "rows": rows[:_FIRST],
-        "more": rows[_FIRST:],
-        "stability": stability,
-        "stable": sum(entry["same"] for entry in stability),
-    }
+    content = {"rows": rows[:_FIRST], "more": rows[_FIRST:]}
     return Section("rivals", "Evidence", _heading(diagnosis, found, named), content)
 
 
@@ -66,18 +60,6 @@ def _row(rival: Values, best: Values, named: frozenset[Any]) -> dict[str, Any]:
 def _gap(rival: Values, best: Values) -> float | None:
     here, there = rival.get("delta_bic"), best.get("delta_bic")
     return abs(here - there) if is_number(here) and is_number(there) else None
-
-
-def _dropped(entry: Values, named: frozenset[Any]) -> dict[str, Any]:
-    effects = entry.get("effects") or []
-    return {
-        "dropped": entry.get("dropped"),
-        "same": _key(effects) == named,
-        "effects": capital(effects_text(effects)),
-        "parameters": listed(
-            f"{name.rpartition('.')[2]} {number(value)}" for name, value in (entry.get("parameters") or {}).items()
-        ),
-    }
 
 
 def _key(effects: list[Values]) -> frozenset[Any]:

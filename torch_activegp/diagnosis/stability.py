@@ -1,0 +1,144 @@
+"""Whether the named effects and their parameters stand when each recording is left out in turn."""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from torch_activegp.diagnosis.fit import Fit
+from torch_activegp.diagnosis.intervals import standard_errors
+from torch_activegp.diagnosis.judge import Judgement, fitted
+from torch_activegp.diagnosis.refit import Refits, refit
+from torch_activegp.diagnosis.result import EffectStability, Spread, Stability
+from torch_activegp.diagnosis.segments import Segments
+from torch_activegp.diagnosis.selection import Score, Selection
+from torch_activegp.diagnosis.shooting import Shooting
+from torch_activegp.physics.effect import Effect
+
+_MOST = 12
+"""Beyond so many recordings, neighbours are left out together."""
+_FAR = 2.5
+"""A shift by more standard errors is worth a warning."""
+_WORSE = 10.0
+"""So is an effect that raises the chi2 of a recording by more."""
+
+
+def stability(shooting: Shooting, selection: Selection, judgement: Judgement) -> Stability | None:
+    """Fits the named set without each recording in turn, and forecasts that recording.
+
+    An effect rests on a recording if its gain on all the others would not pay for its name there; what the others then
+    say about its parameters is left out of their spread.
+
+    Args:
+        shooting: the likelihood.
+        selection: the compared sets.
+        judgement: the verdict.
+
+    Returns:
+        None where nothing is named, or where there are fewer than two segments.
+    """
+    if judgement.verdict not in ("named", "tie") or shooting.segments.size < 2:
+        return None
+    labels, kept = _parts(shooting.segments)
+    whole = refit(shooting, judgement.fit, np.concatenate([kept, np.ones_like(kept[:1])]))
+    every = [_effect(shooting, selection, judgement.fit, effect, (labels, kept, whole)) for effect in judgement.named]
+    sentence, sound = _in_words(labels, every, len(shooting.segments.runs) == 1)
+    return Stability(tuple(labels), tuple(every), sentence, sound)
+
+
+def _parts(segments: Segments) -> tuple[list[str], NDArray[np.bool_]]:
+    """What is left out each time, in words, and the segments that are kept, ``(R, S)``."""
+    present = np.unique(segments.run)
+    if len(present) == 1:
+        name = segments.runs[present[0]].label
+        first = np.arange(segments.size) < segments.size // 2
+        return [f"the first half of {name}", f"the second half of {name}"], np.stack([~first, first])
+    groups = np.array_split(present, min(len(present), _MOST))
+    labels = [", ".join(segments.runs[number].label for number in group) for group in groups]
+    return labels, np.stack([~np.isin(segments.run, group) for group in groups])
+
+
+def _effect(
+    shooting: Shooting,
+    selection: Selection,
+    fit: Fit,
+    effect: Effect,
+    parts: tuple[list[str], NDArray[np.bool_], Refits],
+) -> EffectStability:
+    """What becomes of one effect; the last of the fits is to everything."""
+    labels, kept, whole = parts
+    others = [e for e in fit.effects if e is not effect]
+    values = dict(zip(fit.effects, fit.values, strict=True))
+    without = refit(shooting, fitted(shooting, selection, others, values), kept)
+    fall = (without.per_segment - whole.per_segment[:-1]) / selection.score.scale
+    inside, outside = (np.where(which, fall, 0.0).sum(axis=1) for which in (kept, ~kept))
+    rests = inside < np.array([_price(selection.score, shooting.pick(part), effect) for part in kept])
+    gains = [
+        None if alone or not np.isfinite(gain) else float(gain) for alone, gain in zip(rests, outside, strict=True)
+    ]
+    return EffectStability(
+        effect.name,
+        effect.target,
+        tuple(gains),
+        tuple(label for label, alone in zip(labels, rests, strict=True) if alone),
+        _spreads(shooting, fit, effect, whole.values, [(i, label) for i, label in enumerate(labels) if not rests[i]]),
+    )
+
+
+def _price(score: Score, part: Shooting, effect: Effect) -> float:
+    """What an effect must gain on a part of the data to be told from noise."""
+    return dataclasses.replace(score, samples=part.samples, mismatch=0.0).price([effect])
+
+
+def _spreads(
+    shooting: Shooting, fit: Fit, effect: Effect, values: NDArray[np.float64], said: Sequence[tuple[int, str]]
+) -> dict[str, Spread]:
+    k = fit.effects.index(effect)
+    first = sum(len(v) for v in fit.values[:k])
+    part = values[:, first : first + len(fit.values[k])]
+    center, errors = effect.describe(part[-1]), standard_errors(shooting, fit, effect)
+    found = [(label, effect.describe(part[i])) for i, label in said]
+    out = {}
+    for name, value in center.items() if found else ():
+        farthest, there = max(found, key=lambda pair: abs(pair[1][name] - value))
+        ends = [described[name] for _, described in found]
+        out[name] = Spread(min(ends), max(ends), abs(there[name] - value) / max(errors[name], 1e-300), farthest)
+    return out
+
+
+def _in_words(labels: Sequence[str], effects: Sequence[EffectStability], single: bool) -> tuple[str, bool]:
+    """The finding in a sentence, and whether it is no warning."""
+    counts = [
+        f"{effect.name} at {effect.target} improves {sum(gain is not None and gain > 0.0 for gain in effect.gains)} "
+        f"of {len(labels)}"
+        for effect in effects
+    ]
+    of = "The one recording in two halves, each left out in turn" if single else "Each recording left out in turn"
+    said = f"{of} and forecast from the rest: {', '.join(counts)}"
+    warnings = [words for effect in effects for words in _warnings(effect, labels)]
+    shifts = [spread.shift for effect in effects for spread in effect.parameters.values()]
+    if shifts and max(shifts) <= _FAR:
+        said += f"; no parameter moves by more than {max(shifts):.1f} standard errors"
+    return "; ".join([said, *warnings]) + ".", not warnings
+
+
+def _warnings(effect: EffectStability, labels: Sequence[str]) -> list[str]:
+    name = f"{effect.name} at {effect.target}"
+    out = []
+    if len(effect.rests_on) == 1:
+        out.append(f"{name} rests on {effect.rests_on[0]} alone: the rest shows no sign of it")
+    elif effect.rests_on:
+        out.append(f"the evidence for {name} is just enough: it needs each of {'; '.join(effect.rests_on)}")
+    worse = [label for label, gain in zip(labels, effect.gains, strict=True) if gain is not None and gain < -_WORSE]
+    if worse:
+        out.append(f"{name} fitted to the rest makes the forecast of {'; '.join(worse)} worse")
+    out += [
+        f"{key} of {name} moves by {spread.shift:.1f} standard errors without {spread.farthest}: more than its "
+        "interval leads to expect"
+        for key, spread in effect.parameters.items()
+        if spread.shift > _FAR
+    ]
+    return out
