@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import json
+import shutil
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
@@ -66,11 +67,15 @@ def make_case(spec: Spec, out: Path) -> Path:
             continue
     else:
         raise RuntimeError(f"{spec}: nothing visible in 40 attempts")
-    folder.mkdir(parents=True, exist_ok=True)
     key.parent.mkdir(parents=True, exist_ok=True)
-    (folder / "model.xml").write_text(text, encoding="utf-8")
+    unfinished = folder.with_name(f".{folder.name}")
+    shutil.rmtree(unfinished, ignore_errors=True)
+    unfinished.mkdir(parents=True)
+    (unfinished / "model.xml").write_text(text, encoding="utf-8")
     for name, columns in tables.items():
-        pd.DataFrame(columns).to_csv(folder / f"{name}.csv", index=False, float_format="%.9g")
+        pd.DataFrame(columns).to_csv(unfinished / f"{name}.csv", index=False, float_format="%.9g")
+    shutil.rmtree(folder, ignore_errors=True)
+    unfinished.rename(folder)
     key.write_text(json.dumps(content, indent=1) + "\n", encoding="utf-8")
     return folder
 
@@ -120,7 +125,7 @@ def _attempt(spec: Spec, attempt: int, rng: np.random.Generator) -> tuple[str, d
     plant = read_plant(model)
     count = int(rng.integers(4, 6 if len(plant.joint) > 3 else 9))
     runs = conceal.draw_runs(system, plant, recorder, count + 2, rng)
-    case = _Case(spec, system.name, system.servo, text, model, plant, recorder, runs, count)
+    case = Draft(spec, system.name, system.servo, text, model, plant, recorder, runs, count)
     typical = case.typical()
     draw = draw_outside if spec.kind == "outside" else draw_effect
     hidden = [draw(name, typical, rng) for name in names]
@@ -139,7 +144,7 @@ def _target(spec: Spec, weak: bool, rng: np.random.Generator) -> float:
 
 
 @dataclasses.dataclass(frozen=True)
-class _Case:
+class Draft:
     """A machine and its runs, with which effects are scaled and recorded."""
 
     spec: Spec
@@ -244,7 +249,8 @@ class _Case:
         for number, (run, motion) in enumerate(zip(self.runs, motions, strict=True)):
             name = f"train_{number + 1}" if number < self.count else f"test_{number - self.count + 1}"
             tables[name] = conceal.table(run, motion, self.recorder, names, rng)
-        return text, tables, self._key(hidden, sizes, typical, chi2)
+        tuning = retune.undone(self.plant, nominal, *names)
+        return text, tables, self.key(hidden, sizes, typical, chi2) | {"tuning": tuning}
 
     def machine(self, t: Typical) -> dict[str, Any]:
         """What the scorer needs to know of the machine."""
@@ -258,7 +264,7 @@ class _Case:
             },
         }
 
-    def _key(self, hidden: Sequence[Hidden], sizes: Sequence[float], t: Typical, chi2: float) -> dict[str, Any]:
+    def key(self, hidden: Sequence[Hidden], sizes: Sequence[float], t: Typical, chi2: float) -> dict[str, Any]:
         regions = [effect.region(size) if effect.region else None for effect, size in zip(hidden, sizes, strict=True)]
         closed = "closed loop" if self.recorder.closed else "servo" if self.servo else "open loop"
         return {

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from typing import Any
 
 import mujoco
 import numpy as np
@@ -48,6 +49,27 @@ def retune(plant: Plant, found: Sequence[Window], deviation: np.ndarray, servo: 
             values = getattr(tuned, table)
             values[row, column] = max(values[row, column] + size * scale, least)
     return tuned
+
+
+def undone(plant: Plant, tuned: Plant, joints: Sequence[str], motors: Sequence[str]) -> list[dict[str, Any]]:
+    """What leads from the tuned nominal back to the plant, in the words of the effects and of the key."""
+    found = []
+    for j, joint in enumerate(joints):
+        for name, parameter, column in (
+            ("viscous_friction", "coefficient", J.VISCOUS),
+            ("armature_error", "armature", J.ROTOR),
+        ):
+            found.append((name, f"joint:{joint}", parameter, plant.joint[j, column] - tuned.joint[j, column]))
+    for i, motor in enumerate(motors):
+        now, joint = tuned.actuator[i], joints[int(tuned.actuator[i, A.JOINT])]
+        found.append(("actuator_gain", f"actuator:{motor}", "gain", plant.actuator[i, A.GEAR] / now[A.GEAR]))
+        force = now[A.GEAR] * (plant.actuator[i, A.B0] - now[A.B0])
+        found.append(("constant_force", f"joint:{joint}", "force", force))
+    return [
+        {"name": name, "target": target, "parameters": {parameter: {"value": float(value)}}}
+        for name, target, parameter, value in found
+        if value != (1.0 if name == "actuator_gain" else 0.0)
+    ]
 
 
 def write_back(text: str, plant: Plant) -> str:

@@ -1,56 +1,99 @@
-"""The diagnosis on a case, from its files alone."""
+"""The diagnosis, or a peer, on every case from its files alone."""
 
 from __future__ import annotations
 
+import dataclasses
 import json
-import os
-import subprocess
-import sys
-import time
+import shutil
+from collections.abc import Callable, Iterable, Iterator
+from functools import partial
 from pathlib import Path
-from typing import Any
 
-LIMIT = 3600.0
+from benchmarks.concealed.children import Ended, Task, run_children
+
+LIMIT = 600.0
 """Longest time for one case, s."""
 
 
-def run_case(folder: Path, out: Path) -> dict[str, Any]:
-    """Diagnose one case through the command line, in one thread; what is done already is read."""
-    done = out / "diagnosis.json"
-    if not done.exists():
-        train, test = sorted(folder.glob("train_*.csv")), sorted(folder.glob("test_*.csv"))
-        command = [str(Path(sys.executable).with_name("torch-activegp")), "diagnose", str(folder / "model.xml")]
-        command += [*map(str, train), *(part for path in test for part in ("--holdout", str(path)))]
-        _call([*command, "--out", str(out), "--seed", "0"], out)
-    return dict(json.loads(done.read_text(encoding="utf-8")))
+@dataclasses.dataclass(frozen=True)
+class Way:
+    """Something that is done with every case.
+
+    Args:
+        name: of its folder among the results.
+        work: takes the folder of a case and an empty one, where it writes.
+        answer: the file without which it has failed.
+        preload: slow modules that it imports.
+    """
+
+    name: str
+    work: Callable[[Path, Path], None]
+    answer: str = "diagnosis.json"
+    preload: tuple[str, ...] = ()
 
 
-def _call(command: list[str], out: Path) -> None:
-    out.mkdir(parents=True, exist_ok=True)
-    threads = {name: "1" for name in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS")}
-    start = time.monotonic()
-    ended = subprocess.run(
-        command, env={**os.environ, **threads}, capture_output=True, text=True, timeout=LIMIT, check=False
-    )
-    (out / "seconds.json").write_text(json.dumps(time.monotonic() - start), encoding="utf-8")
-    if ended.returncode != 0:
-        raise RuntimeError(f"{out.name}: exit code {ended.returncode}\n{ended.stdout[-2000:]}\n{ended.stderr[-4000:]}")
+def way_of(name: str) -> Way:
+    """The diagnosis, or a peer by its name."""
+    if name == "diagnosis":
+        return Way(name, diagnose_case, preload=("torch_activegp.cli", "torch_activegp.diagnosis"))
+    return Way(name, partial(peer_case, name), preload=("benchmarks.concealed.peers.recorded",))
 
 
-def attempt(folder: Path, out: Path, way: str = "diagnosis") -> str | None:
-    """Run a case in one of the ways; the message of what went wrong, which also stays in the folder, or None."""
-    if (out / "diagnosis.json").exists():
-        return None
-    try:
-        if way == "diagnosis":
-            run_case(folder, out)
-        else:
-            from benchmarks.concealed.peers import run_peer
+def diagnose_case(folder: Path, out: Path) -> None:
+    """Diagnose one case through the command line, in one thread."""
+    from torch_activegp.cli import app
 
-            run_peer(way, folder, out)
-    except Exception as error:  # a case that fails is a result
-        out.mkdir(parents=True, exist_ok=True)
-        (out / "failed.txt").write_text(f"{type(error).__name__}: {error}\n", encoding="utf-8")
-        return f"{out.name}: {error}"
-    (out / "failed.txt").unlink(missing_ok=True)
-    return None
+    train, test = sorted(folder.glob("train_*.csv")), sorted(folder.glob("test_*.csv"))
+    held_out = [part for path in test for part in ("--holdout", str(path))]
+    app(["diagnose", str(folder / "model.xml"), *map(str, train), *held_out, "--out", str(out), "--threads", "1"])
+
+
+def peer_case(name: str, folder: Path, out: Path) -> None:
+    """One of the peers on one case."""
+    from benchmarks.concealed.peers import run_peer
+
+    run_peer(name, folder, out)
+
+
+def run_cases(
+    folders: Iterable[Path], results: Path, way: Way, jobs: int, limit: float = LIMIT, retry: bool = False
+) -> Iterator[Ended | None]:
+    """Run each case and give how it ended, or None for one that was run before.
+
+    Args:
+        folders: of the cases, in order.
+        results: where each gets its folder, whole or not at all.
+        way: what is done.
+        jobs: processes at once.
+        limit: longest time for one case, s.
+        retry: whether cases that failed before are run again.
+    """
+    tasks = []
+    for folder in folders:
+        if is_done(results / folder.name, way.answer, retry):
+            yield None
+            continue
+        unfinished = results / f".{folder.name}"
+        shutil.rmtree(unfinished, ignore_errors=True)
+        tasks.append(Task(folder.name, way.work, (folder, unfinished), unfinished / "log.txt"))
+    for ended in run_children(tasks, jobs, limit, way.preload):
+        if ended.failure is None and not ended.task.log.with_name(way.answer).exists():
+            ended = dataclasses.replace(ended, failure=f"no {way.answer}")
+        keep(ended, results)
+        yield ended
+
+
+def is_done(result: Path, answer: str, retry: bool) -> bool:
+    """Whether a case was run: it has an answer, or it failed and is not to be run again."""
+    return (result / answer).exists() or (not retry and (result / "failed.txt").exists())
+
+
+def keep(ended: Ended, results: Path) -> None:
+    """Put what a case left among the results, with `usage.json`, and with `failed.txt` where it failed."""
+    unfinished, final = ended.task.log.parent, results / ended.task.name
+    usage = {"seconds": ended.seconds, "peak_mib": ended.peak}
+    (unfinished / "usage.json").write_text(json.dumps(usage) + "\n", encoding="utf-8")
+    if ended.failure is not None:
+        (unfinished / "failed.txt").write_text(ended.failure + "\n", encoding="utf-8")
+    shutil.rmtree(final, ignore_errors=True)
+    unfinished.rename(final)

@@ -15,12 +15,8 @@ pytest.importorskip("numba")
 
 from benchmarks.concealed.cases import COUNTS, list_cases, make_case
 from benchmarks.concealed.dynamics import mass_and_bias, read_tree
-from benchmarks.concealed.equivalence import equals, overlap
-from benchmarks.concealed.markdown import rate, report
 from benchmarks.concealed.peers import regression
 from benchmarks.concealed.plant import J, read_plant
-from benchmarks.concealed.run import attempt
-from benchmarks.concealed.score import area, score_all, score_case
 from benchmarks.concealed.systems import SYSTEMS, write_model
 from benchmarks.concealed.truth import open_loop, simulate
 
@@ -122,85 +118,6 @@ def test_a_case_holds_a_model_and_recordings_and_nothing_of_the_key(made: tuple[
     assert np.diff(table["time"]).min() > 0
     assert key["effects"][0]["name"] == "coulomb_friction"
     assert 1.02 < key["chi2_per_dof"] < 150
-
-
-KEY: dict[str, Any] = {
-    "case": "case_000", "kind": "single", "system": "pendulum", "loop": "open loop", "rate": 100, "chi2_per_dof": 3.0,
-    "noise": {"qpos.hinge": 1e-3}, "concealments": [], "retuned": False,
-    "machine": {"joints": ["hinge"], "bodies": ["rod"], "motors": {"drive": "hinge"}},
-    "effects": [{"name": "actuator_delay", "target": "actuator:drive", "region": None,
-                 "parameters": {"seconds": {"value": 0.01, "unit": "s"}}}],
-}  # fmt: skip
-
-
-def answer(*entries: tuple[str, str], verdict: str = "named", ties: list[dict[str, str]] | None = None) -> dict:
-    effects = [
-        {"name": name, "target": target, "probability": 0.97, "ties": ties or [],
-         "parameters": {"seconds": {"value": 0.011, "unit": "s", "ci95": [0.009, 0.013]}}}
-        for name, target in entries
-    ]  # fmt: skip
-    return {"verdict": verdict, "mismatch": {"detected": verdict != "none"}, "effects": effects,
-            "location": [{"target": "joint:hinge", "region": None}]}  # fmt: skip
-
-
-def test_the_right_name_its_equal_and_a_tie_are_told_from_a_wrong_one() -> None:
-    right = score_case(KEY, answer(("actuator_delay", "actuator:drive")))
-    assert right["exact"] and right["tied"] and not right["any_wrong"] and right["placed"] == 1
-    assert right["parameters"] == [
-        {"effect": "actuator_delay", "parameter": "seconds", "error": pytest.approx(0.1), "covered": True}
-    ]
-    assert score_case(KEY, answer(("sensor_delay", "sensor:hinge_encoder")))["exact"]
-    ties = [{"name": "actuator_delay", "target": "actuator:drive"}]
-    tie = score_case(KEY, answer(("actuator_lag", "actuator:drive"), verdict="tie", ties=ties))
-    assert (tie["exact"], tie["tied"], tie["any_wrong"], tie["ties"]) == (False, True, False, 2)
-    wrong = score_case(KEY, answer(("actuator_delay", "actuator:drive"), ("coulomb_friction", "joint:hinge")))
-    assert not wrong["exact"] and wrong["any_wrong"]
-    assert score_case(KEY, answer(verdict="unknown"))["abstained"]
-
-
-def test_controls_outside_effects_and_parts_of_an_effect() -> None:
-    control = {**KEY, "kind": "controls", "effects": []}
-    assert not score_case(control, answer(verdict="none"))["false_alarm"]
-    assert score_case(control, answer(verdict="unknown"))["false_alarm"]
-    outside = {**KEY, "kind": "outside", "effects": [{**KEY["effects"][0], "name": "hum", "target": "joint:hinge"}]}
-    assert score_case(outside, answer(("actuator_bias", "actuator:drive")))["any_wrong"]
-    dry = {"name": "asymmetric_friction", "target": "joint:hinge", "region": None,
-           "parameters": {"positive_level": {"value": 1.0}, "negative_level": {"value": 0.4}}}  # fmt: skip
-    split = answer(("coulomb_friction", "joint:hinge"), ("actuator_bias", "actuator:drive"))
-    assert score_case({**KEY, "effects": [dry]}, split)["exact"]
-
-
-def test_a_run_that_fails_is_counted(tmp_path: Path) -> None:
-    for name in ("case_000", "case_001"):
-        (tmp_path / "keys").mkdir(exist_ok=True)
-        (tmp_path / "keys" / f"{name}.json").write_text(json.dumps({**KEY, "case": name}), encoding="utf-8")
-    failed = tmp_path / "results" / "diagnosis" / "case_000" / "failed.txt"
-    failed.parent.mkdir(parents=True)
-    failed.write_text("no", encoding="utf-8")
-    (row,), missing = score_all(tmp_path)
-    assert (row["verdict"], row["exact"], missing) == ("failed", False, ["case_001"])
-
-
-def test_equal_names_overlap_and_others_do_not() -> None:
-    force, bias = ("constant_force", "joint:hinge"), ("actuator_bias", "actuator:drive")
-    assert equals(force, KEY) == {force, bias}
-    assert overlap([force, bias], KEY)
-    assert not overlap([force, ("coulomb_friction", "joint:hinge")], KEY)
-
-
-def test_the_figures_of_the_report() -> None:
-    assert rate(9, 10) == "90.0 % (55.5-99.7, n = 10)"
-    assert area(np.array([False, False, True, True]), np.array([0.0, 1.0, 1.0, 2.0])) == 0.875
-    row = {**score_case(KEY, answer(("actuator_delay", "actuator:drive"))), "seconds": 3.0}
-    text = report([row], [], "Title")
-    assert "| exact set | 100.0 % (2.5-100.0, n = 1) |" in text
-    assert "| actuator_delay | 1/1 | 1/1 | actuator_delay 1 |" in text
-
-
-def test_a_case_that_fails_leaves_its_message(tmp_path: Path) -> None:
-    message = attempt(tmp_path / "case_000", tmp_path / "out", way="nobody")
-    assert message is not None and "pysindy, regression, sysid, gp" in message
-    assert "nobody" in (tmp_path / "out" / "failed.txt").read_text(encoding="utf-8")
 
 
 def write_case(folder: Path, viscous: float) -> None:

@@ -1,0 +1,126 @@
+"""Work in processes of its own, several at once: what crashes or takes too long costs only itself.
+
+Each process is forked from one server that has imported the slow modules before.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import multiprocessing
+import os
+import resource
+import sys
+import time
+import traceback
+from collections import deque
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from contextlib import suppress
+from multiprocessing.connection import Connection, wait
+from pathlib import Path
+from typing import Any
+
+Work = Callable[..., None]
+
+
+@dataclasses.dataclass(frozen=True)
+class Task:
+    """A function of a module and its arguments, all of which can be pickled; what it prints goes to the log."""
+
+    name: str
+    work: Work
+    arguments: tuple[Any, ...]
+    log: Path
+
+
+@dataclasses.dataclass(frozen=True)
+class Ended:
+    """How a task ended: seconds, most memory in MiB (None where the process was killed), and what went wrong."""
+
+    task: Task
+    seconds: float
+    peak: float | None
+    failure: str | None
+
+
+@dataclasses.dataclass(frozen=True)
+class _Child:
+    task: Task
+    process: Any
+    report: Connection
+    started: float
+
+    def end(self, limit: float, overdue: bool) -> Ended:
+        """Let go of a process that has ended, or end it."""
+        seconds = time.monotonic() - self.started
+        if overdue:
+            self.process.kill()
+        self.process.join()
+        peak = None
+        with suppress(EOFError):
+            peak = self.report.recv() if self.report.poll() else None
+        failure = None
+        if overdue:
+            failure = f"out of time: more than {limit:g} s"
+        elif self.process.exitcode:
+            tail = self.task.log.read_text(encoding="utf-8", errors="replace")[-3000:]
+            failure = f"exit code {self.process.exitcode}\n{tail}"
+        return Ended(self.task, seconds, peak, failure)
+
+
+def run_children(tasks: Iterable[Task], jobs: int, limit: float, preload: Sequence[str] = ()) -> Iterator[Ended]:
+    """Do tasks side by side and give each as it ends; those that run are killed when the caller stops.
+
+    Args:
+        tasks: in this order.
+        jobs: processes at once.
+        limit: longest time for one, s.
+        preload: modules that the server imports before it forks.
+    """
+    context = multiprocessing.get_context("forkserver")
+    context.set_forkserver_preload([__name__, *preload])
+    waiting, running = deque(tasks), dict[int, _Child]()
+    try:
+        while waiting or running:
+            while waiting and len(running) < jobs:
+                child = _start(context, waiting.popleft())
+                running[child.process.sentinel] = child
+            now = time.monotonic()
+            left = min(child.started + limit - now for child in running.values())
+            ready = wait(list(running), timeout=max(left, 0.0))
+            for sentinel, child in list(running.items()):
+                overdue = sentinel not in ready and time.monotonic() - child.started > limit
+                if sentinel in ready or overdue:
+                    del running[sentinel]
+                    yield child.end(limit, overdue)
+    finally:
+        for child in running.values():
+            child.process.kill()
+            child.process.join()
+
+
+def _start(context: Any, task: Task) -> _Child:
+    report, tell = context.Pipe(duplex=False)
+    task.log.parent.mkdir(parents=True, exist_ok=True)
+    process = context.Process(target=_work, args=(task, tell), daemon=True)
+    process.start()
+    tell.close()
+    return _Child(task, process, report, time.monotonic())
+
+
+def _work(task: Task, tell: Connection) -> None:
+    """Do a task in this process, with all output in its log."""
+    log = os.open(task.log, os.O_WRONLY | os.O_CREAT | os.O_TRUNC)
+    os.dup2(log, 1)
+    os.dup2(log, 2)
+    code = 0
+    try:
+        task.work(*task.arguments)
+    except SystemExit as end:
+        code = end.code if isinstance(end.code, int) else int(end.code is not None)
+    except BaseException:
+        traceback.print_exc()
+        code = 1
+    sys.stdout.flush()
+    sys.stderr.flush()
+    tell.send(resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024)
+    os._exit(code)

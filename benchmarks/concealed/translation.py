@@ -1,0 +1,144 @@
+"""The key's words for an effect in those of the package's effects, and back: the only place that knows both.
+
+| effect | in the key | what the package's effect holds |
+|---|---|---|
+| stribeck_friction | coulomb, static | coulomb, static - coulomb |
+| linear_spring | stiffness, rest | stiffness, stiffness x rest |
+| cogging | amplitude, phase | amplitudes of sine and cosine |
+| joint_stop | position | distance of an upper or a lower stop |
+| hysteresis | slip as a force | slip as a distance |
+| gains | gain | gain - 1 |
+| center_of_mass_offset, gravity_error | a vector | one effect an axis |
+| payload_mass | at the centre of mass or as far behind it | at the centre of mass, at the end, or everywhere |
+| actuator_saturation of a servo | of its force | of its control: another law, see :class:`ServoSaturation` |
+| actuator_dead_zone | before the gain | behind it |
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import itertools
+from collections.abc import Callable, Mapping, Sequence
+from typing import Any
+
+import mujoco
+import numpy as np
+
+from torch_activegp.physics import Effect, Parameter, Place
+from torch_activegp.physics.effect import Array, Index
+from torch_activegp.physics.inertia import PayloadMass
+
+Form = list[tuple[Effect, Array]]
+"""Effects and their values: one way in which the package can hold something."""
+
+_VECTORS = ("center_of_mass_offset", "gravity_error")
+
+
+@dataclasses.dataclass(frozen=True, eq=False)
+class ServoSaturation(Effect):
+    """A position servo whose force ends at a limit; the package's saturation limits the control."""
+
+    index: int = 0
+
+    name = "actuator_saturation"
+    law = "clip(kp (u - q) - kv v, -limit, limit)"
+
+    @classmethod
+    def at(cls, place: Place, model: mujoco.MjModel, limit: float) -> ServoSaturation:
+        """Make the effect for a servo, with a first guess of its limit."""
+        parameter = Parameter("limit", "force", 0.03 * limit, low=0.02 * limit)
+        return cls(place.target, (parameter,), np.array([[limit]]), linear=0, index=place.index)
+
+    def edit(self, field: Callable[[str], Array], rows: Index, values: Array) -> bool:
+        """Set the range of the force."""
+        field("actuator_forcelimited")[rows, self.index] = True
+        field("actuator_forcerange")[rows, self.index] = values * np.array([-1.0, 1.0])
+        return False
+
+
+def described(truth: Mapping[str, Any], key: Mapping[str, Any]) -> dict[str, float]:
+    """True parameters as the package would say them; without those that it has no word for."""
+    values = {name: float(entry["value"]) for name, entry in truth["parameters"].items()}
+    name = truth["name"]
+    if name == "hysteresis":
+        values["slip"] /= values["stiffness"]
+    if name == "actuator_saturation" and key["loop"] == "servo":
+        return {}
+    if name == "actuator_dead_zone":
+        for other in key["effects"]:
+            if (other["name"], other["target"]) == ("actuator_gain", truth["target"]):
+                values["width"] *= float(other["parameters"]["gain"]["value"])
+    return values
+
+
+def values_of(effect: Effect, words: Mapping[str, float]) -> Array | None:
+    """The values for which ``effect.describe`` gives these words, or None where it has other words."""
+    names = [parameter.name for parameter in effect.parameters]
+    spoken = effect.describe(effect.seeds[0])
+    if set(spoken) != set(words):
+        return None
+    special: dict[str, Callable[[], list[float]]] = {
+        "stribeck_friction": lambda: [words["coulomb"], words["static"] - words["coulomb"], words["velocity"]],
+        "cogging": lambda: [
+            words["amplitude"] * np.cos(words["phase"]), words["amplitude"] * np.sin(words["phase"]), words["periods"],
+        ],
+        "joint_stop": lambda: [
+            words["stiffness"], words["damping"], words["position"] * (1.0 if effect.variant == "upper" else -1.0),
+        ],
+        "linear_spring": lambda: [words["stiffness"], words["stiffness"] * words["rest"]][: len(names)],
+        "actuator_gain": lambda: [words["gain"] - 1.0],
+        "sensor_gain": lambda: [words["gain"] - 1.0],
+    }  # fmt: skip
+    plain = effect.name not in special or names == list(spoken)
+    values = [words[name] for name in names] if plain else special[effect.name]()
+    return np.array(values, dtype=float)
+
+
+def forms_of(name: str, target: str, words: Mapping[str, float], effects: Sequence[Effect]) -> list[Form]:
+    """All ways in which effects of a catalogue can hold something that was named with its parameters."""
+    alike = [effect for effect in effects if effect.key == (name, target)]
+    if name in _VECTORS:
+        size = max(map(abs, words.values()))
+        axes = [{axis: value} for axis, value in words.items() if abs(value) > 1e-6 * size]
+        return [[(effect, found) for part in axes for effect, found in _holding(alike, part)]]
+    return [[pair] for pair in _holding(alike, words)]
+
+
+def _holding(effects: Sequence[Effect], words: Mapping[str, float]) -> Form:
+    found = [(effect, values_of(effect, words)) for effect in effects]
+    return [(effect, values) for effect, values in found if values is not None]
+
+
+def true_forms(
+    truth: Mapping[str, Any], key: Mapping[str, Any], effects: Sequence[Effect], model: mujoco.MjModel
+) -> list[Form]:
+    """All ways in which the package can hold a true effect, with its true parameters."""
+    name, target = truth["name"], truth["target"]
+    words = described(truth, key)
+    if not words:
+        limit, index = float(truth["parameters"]["limit"]["value"]), model.actuator(target.partition(":")[2]).id
+        effect = ServoSaturation.at(Place(target, index), model, limit)
+        return [[(effect, np.array([limit]))]]
+    forms = forms_of(name, target, words, effects)
+    if name == "joint_stop":
+        high = max(bound[1] for bound in truth["region"].values())
+        return [form for form in forms if form[0][0].variant == ("upper" if high == np.inf else "lower")]
+    if name == "payload_mass":
+        body = model.body(target.partition(":")[2]).id
+        far = PayloadMass.at(Place(target, body), model, model.body_ipos[body].copy(), "far")
+        return [*(form for form in forms if form[0][0].variant == "center"), [(far, np.array([words["mass"]]))]]
+    return forms
+
+
+def sets_of(forms: Sequence[Sequence[Form]]) -> list[tuple[list[Effect], list[Array]]]:
+    """Every combination of the forms of several effects, values within their bounds."""
+    sets = []
+    for choice in itertools.product(*forms):
+        pairs = [pair for form in choice for pair in form]
+        sets.append(([effect for effect, _ in pairs], [_bounded(effect, values) for effect, values in pairs]))
+    return sets
+
+
+def _bounded(effect: Effect, values: Array) -> Array:
+    low, high = ([getattr(parameter, end) for parameter in effect.parameters] for end in ("low", "high"))
+    return np.clip(values, low, high)
