@@ -8,7 +8,7 @@ from collections.abc import Sequence
 import numpy as np
 from scipy.signal import lfilter
 
-from benchmarks.concealed.dynamics import mass_and_bias
+from benchmarks.concealed.dynamics import mass_and_bias, room
 from benchmarks.concealed.excite import KINDS, excitation
 from benchmarks.concealed.plant import A, J, Plant
 from benchmarks.concealed.systems import System
@@ -96,7 +96,7 @@ def home_inertia(plant: Plant) -> np.ndarray:
     """Diagonal of the mass matrix with rotors where all joints are at zero, (n,)."""
     n = len(plant.joint)
     M, bias, zero = np.zeros((n, n)), np.zeros(n), np.zeros(n)
-    mass_and_bias(plant.tree, zero, zero, M, bias)
+    mass_and_bias(plant.tree, zero, zero, room(n), M, bias)
     return np.diag(M) + plant.joint[:, J.ROTOR]
 
 

@@ -11,6 +11,10 @@ import mujoco
 import numpy as np
 from numba import njit
 
+compiled = njit(cache=True, error_model="numpy")
+inlined = njit(cache=True, error_model="numpy", forceinline=True)
+"""For what is called in every step: a call counts the references to every array that it is given."""
+
 
 class Tree(NamedTuple):
     """Bodies with one joint each, parents first; arrays of length n.
@@ -33,6 +37,34 @@ class Tree(NamedTuple):
     com: np.ndarray
     inertia: np.ndarray
     gravity: np.ndarray
+
+
+class Work(NamedTuple):
+    """Room for intermediate results, so that nothing is allocated in a step."""
+
+    frame: np.ndarray
+    origin: np.ndarray
+    screw: np.ndarray
+    twist: np.ndarray
+    rate: np.ndarray
+    force: np.ndarray
+    mass: np.ndarray
+    first: np.ndarray
+    second: np.ndarray
+    pull: np.ndarray
+    turns: np.ndarray  # (2, 3, 3)
+    vectors: np.ndarray  # (4, 3)
+    momentum: np.ndarray
+
+
+@compiled
+def room(n):
+    """Room for a tree of n bodies."""
+    return Work(
+        np.empty((n, 3, 3)), np.empty((n, 3)), np.empty((n, 6)), np.empty((n, 6)), np.empty((n, 6)), np.empty((n, 6)),
+        np.empty(n), np.empty((n, 3)), np.empty((n, 3, 3)), np.empty(6), np.empty((2, 3, 3)), np.empty((4, 3)),
+        np.empty(6),
+    )  # fmt: skip
 
 
 def read_tree(model: mujoco.MjModel) -> Tree:
@@ -68,14 +100,14 @@ def _inertia(model: mujoco.MjModel, body: int) -> np.ndarray:
     return principal @ np.diag(model.body_inertia[body]) @ principal.T
 
 
-@njit(cache=True)
+@inlined
 def _cross(a, b, out):
     out[0] = a[1] * b[2] - a[2] * b[1]
     out[1] = a[2] * b[0] - a[0] * b[2]
     out[2] = a[0] * b[1] - a[1] * b[0]
 
 
-@njit(cache=True)
+@inlined
 def _spin(axis, angle, out):
     """Rotation matrix about a unit axis."""
     c, s = np.cos(angle), np.sin(angle)
@@ -86,14 +118,14 @@ def _spin(axis, angle, out):
     out[2, 0], out[2, 1], out[2, 2] = z * x * k - y * s, z * y * k + x * s, c + z * z * k
 
 
-@njit(cache=True)
+@inlined
 def _times(a, b, out):
     for i in range(3):
         for j in range(3):
             out[i, j] = a[i, 0] * b[0, j] + a[i, 1] * b[1, j] + a[i, 2] * b[2, j]
 
 
-@njit(cache=True)
+@inlined
 def _turned(a, b):
     return (
         a[0, 0] * b[0] + a[0, 1] * b[1] + a[0, 2] * b[2],
@@ -102,15 +134,24 @@ def _turned(a, b):
     )
 
 
-@njit(cache=True)
-def _place(tree, q, frame, origin, screw):
+@inlined
+def _copy(a, out):
+    for i in range(3):
+        for j in range(3):
+            out[i, j] = a[i, j]
+
+
+@inlined
+def _place(tree, q, work):
     """Frames and joint screws (angular, then linear at the world's origin) in world coordinates."""
-    local, spun = np.empty((3, 3)), np.empty((3, 3))
+    frame, origin, screw = work.frame, work.origin, work.screw
+    local, spun = work.turns[0], work.turns[1]
     for i in range(q.size):
         parent = tree.parent[i]
         if parent < 0:
-            local[:] = tree.turn[i]
-            origin[i] = tree.place[i]
+            _copy(tree.turn[i], local)
+            for k in range(3):
+                origin[i, k] = tree.place[i, k]
         else:
             _times(frame[parent], tree.turn[i], local)
             x, y, z = _turned(frame[parent], tree.place[i])
@@ -120,9 +161,10 @@ def _place(tree, q, frame, origin, screw):
                 origin[parent, 2] + z,
             )
         x, y, z = _turned(local, tree.axis[i])
-        screw[i, :] = 0.0
+        for k in range(6):
+            screw[i, k] = 0.0
         if tree.slide[i]:
-            frame[i] = local
+            _copy(local, frame[i])
             screw[i, 3], screw[i, 4], screw[i, 5] = x, y, z
             for k in range(3):
                 origin[i, k] += q[i] * screw[i, 3 + k]
@@ -133,12 +175,13 @@ def _place(tree, q, frame, origin, screw):
             _cross(origin[i], screw[i, :3], screw[i, 3:])
 
 
-@njit(cache=True)
-def _spatial_inertia(tree, i, frame, origin, first, second):
+@inlined
+def _spatial_inertia(tree, i, work):
     """First moment (3,) and second moment about the world's origin (3, 3) of a body."""
+    frame, origin, first, second = work.frame[i], work.origin[i], work.first[i], work.second[i]
     x, y, z = _turned(frame, tree.com[i])
-    c = np.array([origin[0] + x, origin[1] + y, origin[2] + z])
-    half, m = np.empty((3, 3)), tree.mass[i]
+    c, half, m = work.vectors[3], work.turns[0], tree.mass[i]
+    c[0], c[1], c[2] = origin[0] + x, origin[1] + y, origin[2] + z
     _times(frame, tree.inertia[i], half)
     square = c[0] * c[0] + c[1] * c[1] + c[2] * c[2]
     for a in range(3):
@@ -148,11 +191,11 @@ def _spatial_inertia(tree, i, frame, origin, first, second):
             second[a, b] = turned + m * ((square if a == b else 0.0) - c[a] * c[b])
 
 
-@njit(cache=True)
-def _momentum(m, first, second, twist, out):
+@inlined
+def _momentum(m, first, second, twist, work, out):
     """Spatial inertia times a twist: moment about the origin, then force."""
     x, y, z = _turned(second, twist[:3])
-    hv, wh = np.empty(3), np.empty(3)
+    hv, wh = work.vectors[0], work.vectors[1]
     _cross(first, twist[3:], hv)
     _cross(twist[:3], first, wh)
     out[0], out[1], out[2] = x + hv[0], y + hv[1], z + hv[2]
@@ -160,15 +203,16 @@ def _momentum(m, first, second, twist, out):
         out[3 + k] = m * twist[3 + k] + wh[k]
 
 
-@njit(cache=True)
+@inlined
 def _dot(a, b):
     return a[0] * b[0] + a[1] * b[1] + a[2] * b[2] + a[3] * b[3] + a[4] * b[4] + a[5] * b[5]
 
 
-@njit(cache=True)
-def _motion(tree, v, screw, twist, rate):
+@inlined
+def _motion(tree, v, work):
     """Velocity and velocity-product acceleration of each body; the world accelerates against gravity."""
-    one, two, three = np.empty(3), np.empty(3), np.empty(3)
+    screw, twist, rate = work.screw, work.twist, work.rate
+    one, two, three = work.vectors[0], work.vectors[1], work.vectors[2]
     for i in range(v.size):
         parent = tree.parent[i]
         for k in range(6):
@@ -183,12 +227,12 @@ def _motion(tree, v, screw, twist, rate):
             rate[i, 3 + k] += (two[k] + three[k]) * v[i]
 
 
-@njit(cache=True)
-def _body_force(m, first, second, twist, rate, out):
-    """Force that moves a body as `rate` says: I a + v x* I v."""
-    momentum, one, two = np.empty(6), np.empty(3), np.empty(3)
-    _momentum(m, first, second, rate, out)
-    _momentum(m, first, second, twist, momentum)
+@inlined
+def _body_force(m, i, work):
+    """Force that moves a body as its `rate` says: I a + v x* I v."""
+    twist, out, momentum, one, two = work.twist[i], work.force[i], work.momentum, work.vectors[0], work.vectors[1]
+    _momentum(m, work.first[i], work.second[i], work.rate[i], work, out)
+    _momentum(m, work.first[i], work.second[i], twist, work, momentum)
     _cross(twist[:3], momentum[:3], one)
     _cross(twist[3:], momentum[3:], two)
     for k in range(3):
@@ -198,30 +242,55 @@ def _body_force(m, first, second, twist, rate, out):
         out[3 + k] += one[k]
 
 
-@njit(cache=True)
-def mass_and_bias(tree, q, v, M, bias):
+@compiled
+def mass_and_bias(tree, q, v, work, M, bias):
     """Fill the mass matrix (n, n) without rotors, and the force (n,) that gravity and speed ask for."""
     n = q.size
-    frame, origin, screw = np.empty((n, 3, 3)), np.empty((n, 3)), np.empty((n, 6))
-    twist, rate, force = np.empty((n, 6)), np.empty((n, 6)), np.empty((n, 6))
-    mass, first, second = tree.mass.copy(), np.empty((n, 3)), np.empty((n, 3, 3))
-    pull = np.empty(6)
-    _place(tree, q, frame, origin, screw)
-    _motion(tree, v, screw, twist, rate)
+    screw, mass, first, second, force, pull = work.screw, work.mass, work.first, work.second, work.force, work.pull
     for i in range(n):
-        _spatial_inertia(tree, i, frame[i], origin[i], first[i], second[i])
-        _body_force(mass[i], first[i], second[i], twist[i], rate[i], force[i])
-    M[:] = 0.0
+        mass[i] = tree.mass[i]
+        for k in range(n):
+            M[i, k] = 0.0
+    _place(tree, q, work)
+    _motion(tree, v, work)
+    for i in range(n):
+        _spatial_inertia(tree, i, work)
+        _body_force(mass[i], i, work)
     for i in range(n - 1, -1, -1):
         bias[i] = _dot(screw[i], force[i])
-        _momentum(mass[i], first[i], second[i], screw[i], pull)
+        _momentum(mass[i], first[i], second[i], screw[i], work, pull)
         k = i
         while k >= 0:
             M[i, k] = M[k, i] = _dot(screw[k], pull)
             k = tree.parent[k]
-        parent = tree.parent[i]
-        if parent >= 0:
-            mass[parent] += mass[i]
-            first[parent] += first[i]
-            second[parent] += second[i]
-            force[parent] += force[i]
+        if tree.parent[i] >= 0:
+            _add_to(tree.parent[i], i, work)
+
+
+@inlined
+def _add_to(parent, i, work):
+    """Let a parent carry a body: composite inertia and force."""
+    work.mass[parent] += work.mass[i]
+    for k in range(3):
+        work.first[parent, k] += work.first[i, k]
+        for m in range(3):
+            work.second[parent, k, m] += work.second[i, k, m]
+    for k in range(6):
+        work.force[parent, k] += work.force[i, k]
+
+
+@inlined
+def invert(M):
+    """Put the inverse of a positive definite matrix in its place: Gauss and Jordan, no pivoting needed."""
+    n = M.shape[0]
+    for k in range(n):
+        pivot = 1 / M[k, k]
+        M[k, k] = 1.0
+        for j in range(n):
+            M[k, j] *= pivot
+        for i in range(n):
+            if i != k:
+                factor = M[i, k]
+                M[i, k] = 0.0
+                for j in range(n):
+                    M[i, j] -= factor * M[k, j]

@@ -10,9 +10,8 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit
 
-from benchmarks.concealed.dynamics import mass_and_bias
+from benchmarks.concealed.dynamics import Work, compiled, inlined, invert, mass_and_bias, room
 from benchmarks.concealed.plant import A, J, Plant, S
 
 FINE = 1e-4
@@ -57,6 +56,12 @@ class _State(NamedTuple):
     lag: np.ndarray
     rotor: np.ndarray  # position and speed of the rotor behind a play
     row: np.ndarray  # which control a delayed actuator applies
+    work: Work
+    M: np.ndarray
+    middle: np.ndarray  # (2, n), position and speed in the middle of a step
+    forces: np.ndarray  # (2, n), all, and the motors' alone
+    speed: np.ndarray
+    total: np.ndarray  # impulses of dry friction
 
 
 def open_loop(time: np.ndarray, controls: np.ndarray, joints: int) -> Signal:
@@ -71,13 +76,14 @@ def simulate(plant: Plant, signal: Signal, q0: np.ndarray, v0: np.ndarray, step:
     return Motion(*_run(plant, signal, np.asarray(q0, float), np.asarray(v0, float), step))
 
 
-@njit(cache=True)
+@compiled
 def _run(plant, signal, q0, v0, step):
     rows, n, m = signal.time.size, q0.size, plant.actuator.shape[0]
     Q, V, U, Y = np.empty((rows, n)), np.empty((rows, n)), np.zeros((rows, m)), np.empty((rows, n))
     state = _State(
         q0.copy(), v0.copy(), np.zeros(n), np.zeros(n), np.zeros(n), np.zeros(m),
         np.array([q0[_with_play(plant)], v0[_with_play(plant)]]), np.zeros(m, np.int64),
+        room(n), np.empty((n, n)), np.empty((2, n)), np.empty((2, n)), np.empty(n), np.empty(n),
     )  # fmt: skip
     state.creep[:] = q0
     delayed = plant.sensor[:, S.DELAY].max() > 0
@@ -103,13 +109,13 @@ def _run(plant, signal, q0, v0, step):
     return Q, V, U, Y
 
 
-@njit(cache=True)
+@inlined
 def _with_play(plant):
     """Index of the joint with play, or 0."""
     return int(np.argmax(plant.joint[:, J.GAP]))
 
 
-@njit(cache=True)
+@inlined
 def _sense(plant, state, now, past, when, count, out):
     for j in range(out.size):
         at = now - plant.sensor[j, S.DELAY]
@@ -125,7 +131,7 @@ def _sense(plant, state, now, past, when, count, out):
         out[j] = plant.sensor[j, S.GAIN] * q + plant.sensor[j, S.BIAS]
 
 
-@njit(cache=True)
+@inlined
 def _control(plant, signal, k, y, v, out):
     for i in range(out.size):
         j = int(plant.actuator[i, A.JOINT])
@@ -134,7 +140,7 @@ def _control(plant, signal, k, y, v, out):
         out[i] = min(max(u, -signal.limit[i]), signal.limit[i])
 
 
-@njit(cache=True)
+@inlined
 def _motor(plant, state, middle, time, U, k, clock, i):
     """Torque of an actuator on its joint at the middle of a step; clock: start of the step and its length."""
     now, h = clock
@@ -155,7 +161,7 @@ def _motor(plant, state, middle, time, U, k, clock, i):
     return gear * min(max(force, -row[A.LIMIT]), row[A.LIMIT])
 
 
-@njit(cache=True)
+@inlined
 def _losses(row, q, v):
     """Forces on a joint that its position and speed set."""
     force = row[J.CONSTANT] - row[J.VISCOUS] * v - row[J.QUADRATIC] * v * abs(v)
@@ -171,7 +177,7 @@ def _losses(row, q, v):
     return force
 
 
-@njit(cache=True)
+@inlined
 def _oddities(plant, state, j, q, v, now):
     """Forces that no name of the contract describes."""
     row = plant.joint[j]
@@ -186,7 +192,7 @@ def _oddities(plant, state, j, q, v, now):
     return force
 
 
-@njit(cache=True)
+@inlined
 def _memory(plant, state, j, q, v, h):
     """Move the slider of a hysteresis and the dashpot of a creep; return the slider's force."""
     row = plant.joint[j]
@@ -198,7 +204,7 @@ def _memory(plant, state, j, q, v, h):
     return -row[J.SLIP_SPRING] * state.slider[j]
 
 
-@njit(cache=True)
+@inlined
 def _wall(row, q, v, acceleration, mobility):
     """Force of the nominal model's contact along a slide, in continuous time."""
     depth = q - row[J.WALL]
@@ -211,15 +217,15 @@ def _wall(row, q, v, acceleration, mobility):
     return -max(0.0, (wanted + acceleration) / (mobility + (1 - d) / d * row[J.WALL_SOFT]))
 
 
-@njit(cache=True)
-def _step(plant, state, time, U, k, now, h):
-    n, joint = state.q.size, plant.joint
-    play = _with_play(plant)
-    has_play = joint[play, J.GAP] > 0
-    q, v = state.q + h / 2 * state.v, state.v + h / 2 * state.a
-    M, force = np.empty((n, n)), np.empty(n)
-    load, rotor_torque = np.zeros(n), 0.0
-    mass_and_bias(plant.tree, q, v, M, force)
+@inlined
+def _predict(plant, state, time, U, k, now, h):
+    """Mass matrix and forces in the middle of a step; returns the torque on a rotor that is behind a play."""
+    n, joint, play = state.q.size, plant.joint, _with_play(plant)
+    has_play, rotor_torque = joint[play, J.GAP] > 0, 0.0
+    q, v, M, force, load = state.middle[0], state.middle[1], state.M, state.forces[0], state.forces[1]
+    for j in range(n):
+        q[j], v[j], load[j] = state.q[j] + h / 2 * state.v[j], state.v[j] + h / 2 * state.a[j], 0.0
+    mass_and_bias(plant.tree, q, v, state.work, M, force)
     for i in range(plant.actuator.shape[0]):
         load[int(plant.actuator[i, A.JOINT])] += _motor(plant, state, (q, v), time, U, k, (now, h), i)
     for j in range(n):
@@ -230,35 +236,51 @@ def _step(plant, state, time, U, k, now, h):
             M[j, j] += joint[j, J.ROTOR]
         force[j] = driven - force[j] + _losses(joint[j], q[j], v[j]) + _oddities(plant, state, j, q, v, now + h / 2)
         force[j] += _memory(plant, state, j, q[j], v[j], h)
-    inverse = np.ascontiguousarray(np.linalg.inv(M)) if n > 1 else 1 / M
-    a = inverse @ force
+    return rotor_torque
+
+
+@inlined
+def _step(plant, state, time, U, k, now, h):
+    n, joint = state.q.size, plant.joint
+    play = _with_play(plant)
+    has_play = joint[play, J.GAP] > 0
+    q, v, M, force, load = state.middle[0], state.middle[1], state.M, state.forces[0], state.forces[1]
+    rotor_torque = _predict(plant, state, time, U, k, now, h)
+    invert(M)
+    inverse, speed = M, state.speed
     for j in range(n):
-        if joint[j, J.WALL] < np.inf:
-            a += inverse[j] * _wall(joint[j], q[j], v[j], a[j], inverse[j, j])
-    speed = state.v + h * a
+        a = 0.0
+        for i in range(n):
+            a += inverse[j, i] * force[i]
+        if joint[j, J.WALL] < np.inf:  # such a machine has one joint
+            a += inverse[j, j] * _wall(joint[j], q[j], v[j], a, inverse[j, j])
+        speed[j] = state.v[j] + h * a
     if has_play:
         state.rotor[1] += h * rotor_torque / joint[play, J.ROTOR]
     _impulses(plant, state, load, inverse, speed, h)
     if has_play:
         state.rotor[0] += h * state.rotor[1]
-    state.q[:] += h / 2 * (state.v + speed)
-    state.a[:] = (speed - state.v) / h
-    state.v[:] = speed
+    for j in range(n):
+        state.q[j] += h / 2 * (state.v[j] + speed[j])
+        state.a[j] = (speed[j] - state.v[j]) / h
+        state.v[j] = speed[j]
 
 
-@njit(cache=True)
+@inlined
 def _dry(row, v, load):
     """Levels of dry friction against forward and backward motion."""
     more = row[J.STATIC] * np.exp(-((v / row[J.STRIBECK]) ** 2)) + row[J.LOADED] * abs(load)
     return row[J.DRY_FORTH] + more, row[J.DRY_BACK] + more
 
 
-@njit(cache=True)
+@compiled
 def _impulses(plant, state, load, inverse, speed, h):
     """Change the speeds by what dry friction and play allow."""
     n = speed.size
     play = _with_play(plant)
-    gap, total, closed = plant.joint[play, J.GAP], np.zeros(n), 0.0
+    gap, total, closed = plant.joint[play, J.GAP], state.total, 0.0
+    for j in range(n):
+        total[j] = 0.0
     for _ in range(60):
         change = 0.0
         for j in range(n):
@@ -267,7 +289,8 @@ def _impulses(plant, state, load, inverse, speed, h):
                 continue
             old = total[j]
             total[j] = min(max(old - speed[j] / inverse[j, j], -h * forth), h * back)
-            speed += inverse[j] * (total[j] - old)
+            for i in range(n):
+                speed[i] += inverse[j, i] * (total[j] - old)
             change = max(change, abs(inverse[j, j] * (total[j] - old)))
         if gap > 0:
             moved, closed = _close(plant, state, inverse, speed, closed, h)
@@ -276,7 +299,7 @@ def _impulses(plant, state, load, inverse, speed, h):
             break
 
 
-@njit(cache=True)
+@inlined
 def _close(plant, state, inverse, speed, closed, h):
     """One projection of the play's impulse on the rotor; what stays open a little is pushed back within 2 ms."""
     play = _with_play(plant)

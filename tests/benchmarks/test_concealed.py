@@ -14,7 +14,7 @@ import pytest
 pytest.importorskip("numba")
 
 from benchmarks.concealed.cases import COUNTS, list_cases, make_case
-from benchmarks.concealed.dynamics import mass_and_bias, read_tree
+from benchmarks.concealed.dynamics import mass_and_bias, read_tree, room
 from benchmarks.concealed.peers import regression
 from benchmarks.concealed.plant import J, read_plant
 from benchmarks.concealed.systems import SYSTEMS, write_model
@@ -30,7 +30,7 @@ def test_mass_matrix_and_bias_are_those_of_the_engine(name: str) -> None:
     mujoco.mj_forward(model, data)
     expected, mass, bias = (np.zeros((model.nv, model.nv)), np.zeros((model.nv, model.nv)), np.zeros(model.nv))
     mujoco.mj_fullM(model, data, expected)
-    mass_and_bias(read_tree(model), data.qpos.copy(), data.qvel.copy(), mass, bias)
+    mass_and_bias(read_tree(model), data.qpos.copy(), data.qvel.copy(), room(model.nv), mass, bias)
     np.testing.assert_allclose(mass + np.diag(model.dof_armature), expected, atol=1e-12)
     np.testing.assert_allclose(bias, data.qfrc_bias, atol=1e-12)
 
