@@ -10,6 +10,7 @@ import multiprocessing
 import os
 import resource
 import sys
+import threading
 import time
 import traceback
 from collections import deque
@@ -99,7 +100,7 @@ def run_children(tasks: Iterable[Task], jobs: int, limit: float, preload: Sequen
 
 
 def _start(context: Any, task: Task) -> _Child:
-    report, tell = context.Pipe(duplex=False)
+    report, tell = context.Pipe()
     task.log.parent.mkdir(parents=True, exist_ok=True)
     process = context.Process(target=_work, args=(task, tell), daemon=True)
     process.start()
@@ -112,6 +113,7 @@ def _work(task: Task, tell: Connection) -> None:
     log = os.open(task.log, os.O_WRONLY | os.O_CREAT | os.O_TRUNC)
     os.dup2(log, 1)
     os.dup2(log, 2)
+    threading.Thread(target=_leave_with_parent, args=(tell,), daemon=True).start()
     code = 0
     try:
         task.work(*task.arguments)
@@ -124,3 +126,10 @@ def _work(task: Task, tell: Connection) -> None:
     sys.stderr.flush()
     tell.send(resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024)
     os._exit(code)
+
+
+def _leave_with_parent(parent: Connection) -> None:
+    """End this process when the one that asked for it has ended, in whatever way."""
+    with suppress(EOFError, OSError):
+        parent.recv()
+    os._exit(1)

@@ -5,6 +5,8 @@ from __future__ import annotations
 import json
 import os
 import signal
+import subprocess
+import sys
 import time
 from collections import Counter
 from pathlib import Path
@@ -17,6 +19,8 @@ from benchmarks.concealed.cases import COUNTS, list_cases
 from benchmarks.concealed.children import Task, run_children
 from benchmarks.concealed.order import OtherSetError, begin_set, made_cases, stratified
 from benchmarks.concealed.run import Way, run_cases, way_of
+
+ROOT = Path(__file__).resolve().parents[2]
 
 
 def test_every_beginning_of_the_order_is_a_fair_sample() -> None:
@@ -101,6 +105,35 @@ def test_whoever_stops_leaves_no_process_behind(tmp_path: Path) -> None:
     running.close()
     with pytest.raises(ProcessLookupError):
         os.kill(int((tmp_path / "pid").read_text()), 0)
+
+
+PARENT = """
+import sys
+from pathlib import Path
+from benchmarks.concealed.children import Task, run_children
+
+work = "import os, time; print(os.getpid(), flush=True); time.sleep(60)"
+list(run_children([Task("long", exec, (work,), Path(sys.argv[1]))], jobs=1, limit=60.0))
+"""
+
+
+def test_a_child_ends_with_a_parent_that_is_killed(tmp_path: Path) -> None:
+    log = tmp_path / "log"
+    parent = subprocess.Popen([sys.executable, "-c", PARENT, str(log)], cwd=ROOT)
+    while not log.exists() or not log.read_text().endswith("\n"):
+        assert parent.poll() is None
+        time.sleep(0.05)
+    child = int(log.read_text())
+    parent.kill()
+    parent.wait()
+    for _ in range(200):
+        try:
+            os.kill(child, 0)
+        except ProcessLookupError:
+            return
+        time.sleep(0.05)
+    os.kill(child, signal.SIGKILL)
+    raise AssertionError("the child goes on")
 
 
 def test_a_peer_that_is_not_there_fails_with_its_message(tmp_path: Path) -> None:
