@@ -13,6 +13,7 @@ import pytest
 from typer.testing import Result
 
 from torch_activegp.data import Recording
+from torch_activegp.diagnosis import Checkpoint
 from torch_activegp.errors import DataError
 from torch_activegp.report.numbers import MISSING
 from torch_activegp.simulators import Simulator
@@ -75,6 +76,8 @@ class Fake:
 
     found: dict[str, Any]
     error: BaseException | None = None
+    keeps: bool = False
+    saved: BaseException | None = None
     calls: list[dict[str, Any]] = dataclasses.field(default_factory=list)
 
     def __call__(
@@ -86,8 +89,12 @@ class Fake:
         seed: int = 0,
         nthread: int = 0,
         tell: Callable[[str, float | None], None] | None = None,
+        checkpoint: Checkpoint | None = None,
     ) -> Fake:
         assert tell is not None
+        assert checkpoint is not None
+        checkpoint.open("k")
+        checkpoint.once("naming", lambda: 1) if self.keeps else None
         tell("noise floor", None)
         tell("naming", 0.5)
         self.calls.append({"model": model, "fit": recordings, "test": holdout, "seed": seed, "nthread": nthread})
@@ -106,6 +113,8 @@ class Fake:
 
     def save(self, folder: Path) -> None:
         (folder / "diagnosis.json").write_text(json.dumps(self.found))
+        if self.saved is not None:
+            raise self.saved
         (folder / "corrected.xml").write_text("<mujoco/>")
 
 
@@ -202,6 +211,58 @@ def test_ctrl_c_leaves_nothing(run: Run, folder: Path, fake: Fake) -> None:
     assert (result.exit_code, result.stderr) == (130, "Interrupted.\n")
     assert listing(folder) == before
     assert not (folder / "out").exists()
+
+
+def test_ctrl_c_after_a_stage_says_how_it_goes_on(run: Run, folder: Path, fake: Fake) -> None:
+    fake.keeps, fake.error = True, KeyboardInterrupt()
+    for name, words in (("out", ["--out", "out"]), ("runs/diagnose-slide", [])):
+        result = run("diagnose", "slide.xml", "a.csv", *words)
+        said = f"Interrupted. {name} keeps what is done: the same command goes on from there.\n"
+        assert (result.exit_code, result.stderr, result.stdout) == (130, said, "")
+        assert [path.name for path in (folder / name).iterdir()] == [".progress"]
+    fake.error = None
+    for name, words in (("out", ["--out", "out"]), ("runs/diagnose-slide", [])):
+        result = run("diagnose", "slide.xml", "a.csv", *words)
+        assert result.exit_code == 0
+        assert "Went on from an interrupted call, after naming." in result.stderr
+        assert {path.name for path in (folder / name).iterdir()} == RESULTS
+    assert len(list((folder / "runs").iterdir())) == 1
+
+
+def test_an_interruption_between_two_results_is_none_of_earlier_results(run: Run, folder: Path, fake: Fake) -> None:
+    fake.keeps, fake.saved = True, KeyboardInterrupt()
+    assert run("diagnose", "slide.xml", "a.csv", "--out", "out").exit_code == 130
+    assert {path.name for path in (folder / "out").iterdir()} == {".progress", "diagnosis.json"}
+    fake.saved = None
+    assert run("diagnose", "slide.xml", "a.csv", "--out", "out").exit_code == 0
+    assert {path.name for path in (folder / "out").iterdir()} == RESULTS
+    (folder / "out" / ".progress").touch()
+    assert run("diagnose", "slide.xml", "a.csv", "--out", "out").exit_code == 2
+
+
+def test_an_interrupted_diagnosis_goes_on_to_the_same_results(
+    run: Run, folder: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    change(folder, lambda table: table.head(250), "short.csv")
+    words = ("diagnose", "slide.xml", "short.csv", "--threads", "1")
+    heard: list[str] = []
+
+    def tell(_: object, stage: str, done: float | None = None) -> None:
+        heard.append(stage)
+        if stage == "weighing the evidence" and heard.count(stage) == 1:
+            raise KeyboardInterrupt
+
+    monkeypatch.setattr("torch_activegp.cli.progress.StageProgress.tell", tell)
+    assert run(*words, "--out", "cut").exit_code == 130
+    tried = sum(stage.startswith("testing") for stage in heard)
+    again = run(*words, "--out", "cut")
+    assert again.exit_code == 0
+    assert sum(stage.startswith("testing") for stage in heard) == tried > 0
+    assert run(*words, "--out", "whole").exit_code == 0
+    names = {path.name for path in (folder / "whole").iterdir()}
+    assert {path.name for path in (folder / "cut").iterdir()} == names
+    for name in names - {"settings.json"}:
+        assert (folder / "cut" / name).read_bytes() == (folder / "whole" / name).read_bytes(), name
 
 
 def test_an_error_while_diagnosing_is_one_message_and_leaves_nothing(run: Run, folder: Path, fake: Fake) -> None:

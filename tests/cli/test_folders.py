@@ -14,6 +14,8 @@ def test_the_next_free_name_has_the_lowest_number(tmp_path: Path) -> None:
     for name in ("arm", "arm-2", "arm-4"):
         (tmp_path / "runs" / name).mkdir(parents=True)
     assert next_free(folder) == tmp_path / "runs" / "arm-3"
+    assert next_free(folder, lambda path: path.name == "arm-2") == tmp_path / "runs" / "arm-2"
+    assert next_free(folder, lambda path: path.name == "arm-4") == tmp_path / "runs" / "arm-3"
 
 
 def test_other_files_do_not_matter_but_earlier_results_do(tmp_path: Path) -> None:

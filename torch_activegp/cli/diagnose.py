@@ -3,14 +3,15 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from pathlib import Path
-from typing import Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 from rich.table import Table
 
-from torch_activegp.cli.app import app, console, results
+from torch_activegp.cli.app import INTERRUPTED, app, console, results
 from torch_activegp.cli.folders import check_free, next_free, results_in
 from torch_activegp.cli.options import RECORDINGS, Columns, Holdout, Model, Seed, Threads, output_folder
 from torch_activegp.cli.progress import StageProgress, show_time
@@ -22,7 +23,12 @@ from torch_activegp.report import write_report
 from torch_activegp.report.numbers import MISSING, estimate, is_number, number, percent
 from torch_activegp.report.words import listed
 
-_RESULTS = ("settings.json", "diagnosis.json", "evidence.json", "report.html", "corrected*", "next.csv", "remainder.pt")
+if TYPE_CHECKING:
+    from torch_activegp.diagnosis import Checkpoint
+
+_PROGRESS, _LAST = ".progress", "settings.json"
+"""What is kept of an unfinished diagnosis; the file that is written last."""
+_RESULTS = (_LAST, "diagnosis.json", "evidence.json", "report.html", "corrected*", "next.csv", "remainder.pt")
 _FORECASTS = {"one_step": "one step", "free_run": "free run"}
 
 Values = Mapping[str, Any]
@@ -58,7 +64,8 @@ def diagnose(
     accelerations, and its time step must fit the recordings.
 
     Writes diagnosis.json, report.html (one file, needs no network), corrected.xml (where MJCF can hold the effects;
-    not for a simulator in torch), next.csv (controls that would tell rivals apart) and settings.json.
+    not for a simulator in torch), next.csv (controls that would tell rivals apart) and settings.json. After an
+    interruption the same command goes on from its last finished stage.
     """
     began = time.perf_counter()
     settings = {
@@ -69,19 +76,28 @@ def diagnose(
         "columns": None if columns is None else str(columns),
         "seed": seed,
     }
-    folder = out or next_free(output_folder(None, "diagnose", Path(model).stem if Path(model).is_file() else model))
-    check_free(folder, _RESULTS)
+    name = Path(model).stem if Path(model).is_file() else model
+    folder = out or next_free(output_folder(None, "diagnose", name), _is_unfinished)
+    check_free(folder, [_LAST] if _is_unfinished(folder) else _RESULTS)
     simulator = find_model(model)
     fit, test = load_apart(recordings, holdout or [], columns)
+    from torch_activegp.diagnosis import Checkpoint
     from torch_activegp.diagnosis import diagnose as diagnose_from
 
-    with one_thread(), StageProgress(console, "diagnosing") as progress:
-        diagnosis = diagnose_from(simulator, fit, test, seed=seed, nthread=threads, tell=progress.tell)
-    found = diagnosis.to_dict()
-    with results_in(folder):
-        diagnosis.save(folder)
-        write_report(found, diagnosis.evidence, folder / "report.html")
-        write_json(folder / "settings.json", {**settings, "seconds": round(time.perf_counter() - began, 2)})
+    checkpoint = Checkpoint(folder / _PROGRESS)
+    with _going_on(checkpoint, folder):
+        with one_thread(), StageProgress(console, "diagnosing") as progress:
+            diagnosis = diagnose_from(
+                simulator, fit, test, seed=seed, nthread=threads, tell=progress.tell, checkpoint=checkpoint
+            )
+        found = diagnosis.to_dict()
+        with results_in(folder):
+            diagnosis.save(folder)
+            write_report(found, diagnosis.evidence, folder / "report.html")
+            write_json(folder / _LAST, {**settings, "seconds": round(time.perf_counter() - began, 2)})
+            checkpoint.clear()
+    if checkpoint.resumed is not None:
+        _say(f"Went on from an interrupted call, after {checkpoint.resumed}.", to=console)
     for note in found.get("notes") or ():
         _say(note, to=console)
     _say(diagnosis.sentence)
@@ -89,6 +105,23 @@ def diagnose(
     names = sorted({path.name for pattern in _RESULTS for path in folder.glob(pattern)})
     _say(f"Done in {show_time(time.perf_counter() - began)}. {folder} holds {', '.join(names)}.")
     _say(f"See {folder / 'report.html'}.")
+
+
+def _is_unfinished(folder: Path) -> bool:
+    """Whether a diagnosis was interrupted there."""
+    return (folder / _PROGRESS).is_file() and not (folder / _LAST).exists()
+
+
+@contextmanager
+def _going_on(checkpoint: Checkpoint, folder: Path) -> Iterator[None]:
+    """Say after Ctrl-C how the diagnosis goes on."""
+    try:
+        yield
+    except KeyboardInterrupt as error:
+        if checkpoint.stage is None:
+            raise
+        _say(f"Interrupted. {folder} keeps what is done: the same command goes on from there.", to=console)
+        raise typer.Exit(INTERRUPTED) from error
 
 
 def _say(text: str, to: Any = results) -> None:

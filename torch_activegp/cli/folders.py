@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import itertools
 import os
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 
@@ -12,10 +12,10 @@ from torch_activegp.errors import ConfigurationError
 from torch_activegp.experiments.output import check_output
 
 
-def next_free(folder: Path) -> Path:
-    """The folder, or with ``-2``, ``-3``, ... behind its name the first that is not there yet."""
+def next_free(folder: Path, goes_on: Callable[[Path], bool] = lambda _: False) -> Path:
+    """The folder, or with ``-2``, ``-3``, ... behind its name the first that is not there yet, or goes on."""
     names = itertools.chain([folder], (folder.with_name(f"{folder.name}-{number}") for number in itertools.count(2)))
-    return next(path for path in names if not path.exists())
+    return next(path for path in names if goes_on(path) or not path.exists())
 
 
 def check_free(folder: Path, patterns: Sequence[str]) -> None:

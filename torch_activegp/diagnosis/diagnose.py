@@ -11,11 +11,13 @@ from torch_activegp.data import Recording
 from torch_activegp.diagnosis.blackbox import accelerations
 from torch_activegp.diagnosis.blackbox_engine import BlackBoxEngine
 from torch_activegp.diagnosis.blackbox_simulator import simulator_with
+from torch_activegp.diagnosis.checkpoint import Checkpoint
 from torch_activegp.diagnosis.correction import corrected_xml
 from torch_activegp.diagnosis.engine import NOMINAL
 from torch_activegp.diagnosis.evidence import laws, map_region, map_time
 from torch_activegp.diagnosis.experiment import next_experiment
 from torch_activegp.diagnosis.explain import Explanation, explain
+from torch_activegp.diagnosis.fingerprint import fingerprint
 from torch_activegp.diagnosis.fit import Fit
 from torch_activegp.diagnosis.forecast import compare
 from torch_activegp.diagnosis.intervals import estimates
@@ -44,6 +46,7 @@ def diagnose(
     seed: int = 0,
     nthread: int = 0,
     tell: Tell | None = None,
+    checkpoint: Checkpoint | None = None,
 ) -> Diagnosis:
     """Says where and why a simulator and recordings differ, and corrects the simulator.
 
@@ -55,6 +58,7 @@ def diagnose(
         seed: of the controls proposed for the next experiment; nothing else is random.
         nthread: threads of the simulations; 0 for all cores.
         tell: hears the name of each stage and the part of the work that is done.
+        checkpoint: keeps finished stages in a file, from which the same call goes on after an interruption.
 
     Returns:
         The diagnosis.
@@ -71,7 +75,9 @@ def diagnose(
     effects = effects_for(machine.model, machine.channels, machine.fit)
     if source.box is not None:
         effects = accelerations(effects)
-    explanation = explain(machine, effects, nthread, lambda words: say(words, None))
+    if checkpoint is not None:
+        checkpoint.open(fingerprint(source, machine, effects, seed))
+    explanation = explain(machine, effects, nthread, lambda words: say(words, None), checkpoint)
     say("weighing the evidence", 0.7)
     judgement = judge(explanation.shooting, explanation.selection)
     return _report(source, machine, explanation, judgement, seed, say)

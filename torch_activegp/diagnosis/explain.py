@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from torch_activegp.diagnosis.blackbox_engine import GivenNumerics
+from torch_activegp.diagnosis.checkpoint import Checkpoint
 from torch_activegp.diagnosis.engine import Engine
 from torch_activegp.diagnosis.fit import Fit
 from torch_activegp.diagnosis.machine import Machine
@@ -57,7 +58,24 @@ class Explanation:
 Tell = Callable[[str], None]
 
 
-def explain(machine: Machine, effects: Sequence[Effect], nthread: int = 0, tell: Tell = lambda _: None) -> Explanation:
+@dataclasses.dataclass(frozen=True)
+class _Start:
+    """What naming on all data begins from: numerics, likelihood, the nominal's fit, sets and their initial states."""
+
+    engine: Engine
+    shooting: Shooting
+    nominal: Fit
+    sets: Sets
+    starts: Array
+
+
+def explain(
+    machine: Machine,
+    effects: Sequence[Effect],
+    nthread: int = 0,
+    tell: Tell = lambda _: None,
+    checkpoint: Checkpoint | None = None,
+) -> Explanation:
     """Names what the model leaves out.
 
     Args:
@@ -65,11 +83,39 @@ def explain(machine: Machine, effects: Sequence[Effect], nthread: int = 0, tell:
         effects: what is tried.
         nthread: threads of the simulations; 0 for all cores.
         tell: hears what is being done.
+        checkpoint: keeps finished stages.
     """
     numerics = (Numerics if machine.box is None else GivenNumerics).of(machine, nthread)
+    keep = checkpoint or Checkpoint()
+    keep.share([numerics.given, numerics.fine, numerics.coarse, *machine.fit, *effects])
     tell("noise floor")
     noise = noise_floor(machine.fit)
-    segments, first = _longest(machine, numerics, noise, _FAR)
+
+    def begin() -> _Start:
+        long = keep.once("length of segments", lambda: _longest(machine, numerics, noise, _FAR))
+        return _start(machine, numerics, noise, effects, long, tell)
+
+    def name() -> tuple[_Start, Selection]:
+        start = keep.once("naming on a part of the data", begin)
+        tell("naming on all data")
+        return start, select(start.shooting, effects, start.nominal, start.sets, start.starts, tell)
+
+    def finish() -> Explanation:
+        return _finish(numerics, effects, *keep.once("naming on all data", name), tell)
+
+    return keep.once("naming", finish)
+
+
+def _start(
+    machine: Machine,
+    numerics: Numerics,
+    noise: NoiseModel,
+    effects: Sequence[Effect],
+    long: tuple[Segments, Fit],
+    tell: Tell,
+) -> _Start:
+    """Names on a part of the data where there is much to explain."""
+    segments, first = long
     engine, shooting, nominal, judged = numerics.choose(segments, noise, first, first)
     sets: Sets = []
     excess = nominal.chi2 - shooting.dof
@@ -82,11 +128,20 @@ def explain(machine: Machine, effects: Sequence[Effect], nthread: int = 0, tell:
         if _far(nominal, segments, _FAR / 4).any():
             segments, nominal = _longest(machine, numerics, noise, _TOO_FAR)
         engine, shooting, nominal, judged = numerics.choose(segments, noise, nominal, nominal, sets)
-    tell("naming on all data")
-    selection = select(shooting, effects, nominal, sets, judged.starts, tell)
+    return _Start(engine, shooting, nominal, sets, judged.starts)
+
+
+def _finish(
+    numerics: Numerics, effects: Sequence[Effect], start: _Start, selection: Selection, tell: Tell
+) -> Explanation:
+    """Looks at the numerics once more behind the effects."""
+    engine, shooting = start.engine, start.shooting
     best, leaders = selection.best, _leaders(selection)
     if best.effects:
-        again, other, bare, judged = numerics.choose(segments, noise, best, nominal, leaders, (engine, shooting))
+        known = (engine, shooting)
+        again, other, bare, judged = numerics.choose(
+            shooting.segments, shooting.noise, best, start.nominal, leaders, known
+        )
         if again is not engine:
             engine, shooting = again, other
             tell("naming with the numerics seen behind the effects")

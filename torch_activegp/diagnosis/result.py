@@ -5,7 +5,8 @@ from __future__ import annotations
 import dataclasses
 import json
 import os
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
@@ -199,13 +200,19 @@ class Diagnosis:
         for name, text in texts.items():
             write_whole(folder / name, text)
         for name, state in self.states.items():
-            temporary = folder / f".{name}.tmp"
-            torch.save(state, temporary)
-            os.replace(temporary, folder / name)
+            with written_whole(folder / name) as temporary:
+                torch.save(state, temporary)
 
 
 def write_whole(path: Path, text: str) -> None:
-    """Writes a file under a temporary name and renames it, so that an interruption leaves the old one."""
+    """Writes a text file, whole or not at all."""
+    with written_whole(path) as temporary:
+        temporary.write_text(text, encoding="utf-8")
+
+
+@contextmanager
+def written_whole(path: Path) -> Iterator[Path]:
+    """A temporary name to write to, which is renamed then, so that an interruption leaves the old file."""
     temporary = path.with_name(f".{path.name}.tmp")
-    temporary.write_text(text, encoding="utf-8")
+    yield temporary
     os.replace(temporary, path)

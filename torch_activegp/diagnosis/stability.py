@@ -22,8 +22,8 @@ _MOST = 12
 """Beyond so many recordings, neighbours are left out together."""
 _FAR = 2.5
 """A shift by more standard errors is worth a warning."""
-_WORSE = 10.0
-"""So is an effect that raises the chi2 of a recording by more."""
+_WORSE = (10.0, 0.01)
+"""So is an effect that raises the chi2 of a recording by more than this and this part of what it gains on others."""
 
 
 def stability(shooting: Shooting, selection: Selection, judgement: Judgement) -> Stability | None:
@@ -132,7 +132,8 @@ def _warnings(effect: EffectStability, labels: Sequence[str]) -> list[str]:
         out.append(f"{name} rests on {effect.rests_on[0]} alone: the rest shows no sign of it")
     elif effect.rests_on:
         out.append(f"the evidence for {name} is just enough: it needs each of {'; '.join(effect.rests_on)}")
-    worse = [label for label, gain in zip(labels, effect.gains, strict=True) if gain is not None and gain < -_WORSE]
+    least = -_WORSE[0] - _WORSE[1] * sum(max(gain or 0.0, 0.0) for gain in effect.gains)
+    worse = [label for label, gain in zip(labels, effect.gains, strict=True) if gain is not None and gain < least]
     if worse:
         out.append(f"{name} fitted to the rest makes the forecast of {'; '.join(worse)} worse")
     out += [
