@@ -164,6 +164,8 @@ def _cost(rows: Sequence[Row]) -> list[Line]:
     return [
         ("seconds per case, median", number(row["seconds"] for row in rows)),
         ("seconds per case, 95 %", number((row["seconds"] for row in rows), high)),
+        ("seconds of computing per case, median", number(row["cpu_seconds"] for row in rows)),
+        ("seconds of computing per case, 95 %", number((row["cpu_seconds"] for row in rows), high)),
         ("memory per case, median, MiB", number(row["peak_mib"] for row in rows)),
         ("memory per case, 95 %, MiB", number((row["peak_mib"] for row in rows), high)),
         ("failed with an error", share(row["verdict"] == "failed" and not row["late"] for row in rows)),

@@ -6,9 +6,11 @@ Each process is forked from one server that has imported the slow modules before
 from __future__ import annotations
 
 import dataclasses
+import math
 import multiprocessing
 import os
 import resource
+import signal
 import sys
 import threading
 import time
@@ -21,6 +23,8 @@ from pathlib import Path
 from typing import Any
 
 Work = Callable[..., None]
+
+PATIENCE = 3.0
 
 
 @dataclasses.dataclass(frozen=True)
@@ -35,10 +39,13 @@ class Task:
 
 @dataclasses.dataclass(frozen=True)
 class Ended:
-    """How a task ended: seconds, most memory in MiB (None where the process was killed), and what went wrong."""
+    """How a task ended: seconds on the clock, seconds of computing and most memory in MiB (None where the process was
+    killed), and what went wrong.
+    """
 
     task: Task
     seconds: float
+    cpu: float | None
     peak: float | None
     failure: str | None
 
@@ -56,16 +63,15 @@ class _Child:
         if overdue:
             self.process.kill()
         self.process.join()
-        peak = None
-        with suppress(EOFError):
-            peak = self.report.recv() if self.report.poll() else None
-        failure = None
-        if overdue:
+        cpu = peak = failure = None
+        with suppress(EOFError, OSError):
+            cpu, peak = self.report.recv() if self.report.poll() else (None, None)
+        if overdue or self.process.exitcode == -signal.SIGXCPU:
             failure = f"out of time: more than {limit:g} s"
         elif self.process.exitcode:
             tail = self.task.log.read_text(encoding="utf-8", errors="replace")[-3000:]
             failure = f"exit code {self.process.exitcode}\n{tail}"
-        return Ended(self.task, seconds, peak, failure)
+        return Ended(self.task, seconds, cpu, peak, failure)
 
 
 def run_children(tasks: Iterable[Task], jobs: int, limit: float, preload: Sequence[str] = ()) -> Iterator[Ended]:
@@ -74,7 +80,7 @@ def run_children(tasks: Iterable[Task], jobs: int, limit: float, preload: Sequen
     Args:
         tasks: in this order.
         jobs: processes at once.
-        limit: longest time for one, s.
+        limit: longest time of computing for one, s; on the clock it may take PATIENCE times as long, as beside others.
         preload: modules that the server imports before it forks.
     """
     context = multiprocessing.get_context("forkserver")
@@ -83,13 +89,13 @@ def run_children(tasks: Iterable[Task], jobs: int, limit: float, preload: Sequen
     try:
         while waiting or running:
             while waiting and len(running) < jobs:
-                child = _start(context, waiting.popleft())
+                child = _start(context, waiting.popleft(), limit)
                 running[child.process.sentinel] = child
             now = time.monotonic()
-            left = min(child.started + limit - now for child in running.values())
+            left = min(child.started + PATIENCE * limit - now for child in running.values())
             ready = wait(list(running), timeout=max(left, 0.0))
             for sentinel, child in list(running.items()):
-                overdue = sentinel not in ready and time.monotonic() - child.started > limit
+                overdue = sentinel not in ready and time.monotonic() - child.started > PATIENCE * limit
                 if sentinel in ready or overdue:
                     del running[sentinel]
                     yield child.end(limit, overdue)
@@ -99,20 +105,21 @@ def run_children(tasks: Iterable[Task], jobs: int, limit: float, preload: Sequen
             child.process.join()
 
 
-def _start(context: Any, task: Task) -> _Child:
+def _start(context: Any, task: Task, limit: float) -> _Child:
     report, tell = context.Pipe()
     task.log.parent.mkdir(parents=True, exist_ok=True)
-    process = context.Process(target=_work, args=(task, tell), daemon=True)
+    process = context.Process(target=_work, args=(task, tell, limit), daemon=True)
     process.start()
     tell.close()
     return _Child(task, process, report, time.monotonic())
 
 
-def _work(task: Task, tell: Connection) -> None:
+def _work(task: Task, tell: Connection, limit: float) -> None:
     """Do a task in this process, with all output in its log."""
     log = os.open(task.log, os.O_WRONLY | os.O_CREAT | os.O_TRUNC)
     os.dup2(log, 1)
     os.dup2(log, 2)
+    resource.setrlimit(resource.RLIMIT_CPU, (math.ceil(limit), math.ceil(limit) + 5))
     threading.Thread(target=_leave_with_parent, args=(tell,), daemon=True).start()
     code = 0
     try:
@@ -124,7 +131,8 @@ def _work(task: Task, tell: Connection) -> None:
         code = 1
     sys.stdout.flush()
     sys.stderr.flush()
-    tell.send(resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024)
+    usage = resource.getrusage(resource.RUSAGE_SELF)
+    tell.send((usage.ru_utime + usage.ru_stime, usage.ru_maxrss / 1024))
     os._exit(code)
 
 

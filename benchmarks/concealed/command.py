@@ -31,7 +31,7 @@ Seed = Annotated[int, typer.Option(help="Another seed is another set of cases.")
 Jobs = Annotated[int, typer.Option(help="Processes at once, each with one thread; 0: one for each core.")]
 Kinds = Annotated[list[str] | None, typer.Option("--kind", help="Only these kinds; repeat it. KIND=N sets a count.")]
 Limit = Annotated[int | None, typer.Option(help="Only the first N cases, a fair sample of all; more can follow later.")]
-Seconds = Annotated[float, typer.Option(help="Longest time for one case, s; then it has failed.")]
+Seconds = Annotated[float, typer.Option(help="Longest time of computing for one case, s; then it has failed.")]
 Retry = Annotated[bool, typer.Option("--retry", help="Run cases that have failed before once more.")]
 Way = Annotated[str, typer.Option(help="diagnosis, or a peer: pysindy, regression, sysid, gp.")]
 

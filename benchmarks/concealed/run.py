@@ -12,7 +12,7 @@ from pathlib import Path
 from benchmarks.concealed.children import Ended, Task, run_children
 
 LIMIT = 600.0
-"""Longest time for one case, s."""
+"""Longest time for one case, s of computing."""
 
 
 @dataclasses.dataclass(frozen=True)
@@ -65,7 +65,7 @@ def run_cases(
         results: where each gets its folder, whole or not at all.
         way: what is done.
         jobs: processes at once.
-        limit: longest time for one case, s.
+        limit: longest time of computing for one case, s.
         retry: whether cases that failed before are run again.
     """
     tasks = []
@@ -91,7 +91,7 @@ def is_done(result: Path, answer: str, retry: bool) -> bool:
 def keep(ended: Ended, results: Path) -> None:
     """Put what a case left among the results, with `usage.json`, and with `failed.txt` where it failed."""
     unfinished, final = ended.task.log.parent, results / ended.task.name
-    usage = {"seconds": ended.seconds, "peak_mib": ended.peak}
+    usage = {"seconds": ended.seconds, "cpu_seconds": ended.cpu, "peak_mib": ended.peak}
     (unfinished / "usage.json").write_text(json.dumps(usage) + "\n", encoding="utf-8")
     if ended.failure is not None:
         (unfinished / "failed.txt").write_text(ended.failure + "\n", encoding="utf-8")

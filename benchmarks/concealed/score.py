@@ -140,7 +140,7 @@ def score_all(out: Path, way: str = "diagnosis") -> tuple[list[dict[str, Any]], 
         row = score_case(key, FAILED if failed.exists() or answer is None else answer, out / "cases", oracle)
         usage = _read(folder / "usage.json") or {}
         row["late"] = failed.exists() and failed.read_text(encoding="utf-8").startswith("out of time")
-        row["seconds"], row["peak_mib"] = (usage.get(name) or np.nan for name in ("seconds", "peak_mib"))
+        row |= {name: usage.get(name) or np.nan for name in ("seconds", "cpu_seconds", "peak_mib")}
         rows.append(row)
     return rows, missing
 

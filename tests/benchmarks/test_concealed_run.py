@@ -55,6 +55,9 @@ def moody(folder: Path, out: Path) -> None:
     """Each case by its name."""
     what = folder.name
     if what == "slow":
+        while True:
+            pass
+    if what == "waits":
         time.sleep(60)
     if what == "killed":
         os.kill(os.getpid(), signal.SIGKILL)
@@ -67,26 +70,26 @@ def moody(folder: Path, out: Path) -> None:
 
 
 def test_what_crashes_or_takes_too_long_costs_only_itself(tmp_path: Path) -> None:
-    names = ("good", "slow", "killed", "error", "leaves", "silent", "fine")
+    names = ("good", "slow", "waits", "killed", "error", "leaves", "silent", "fine")
     folders, way = [tmp_path / "cases" / name for name in names], Way("moody", moody, preload=(__name__,))
-    ended = {e.task.name: e for e in run_cases(folders, tmp_path / "out", way, jobs=2, limit=6.0) if e is not None}
+    ended = {e.task.name: e for e in run_cases(folders, tmp_path / "out", way, jobs=2, limit=3.0) if e is not None}
     assert set(ended) == set(names)
     failures = {name: e.failure for name, e in ended.items()}
     assert failures["good"] is None and failures["fine"] is None
-    assert failures["slow"] == "out of time: more than 6 s"
+    assert failures["slow"] == failures["waits"] == "out of time: more than 3 s"
     assert "exit code -9" in str(failures["killed"])
     assert "ValueError: nothing to see" in str(failures["error"])
     assert "exit code 2" in str(failures["leaves"])
     assert failures["silent"] == "no diagnosis.json"
-    assert ended["slow"].seconds >= 6
+    assert ended["slow"].seconds >= 3 and ended["waits"].seconds >= 9
     usage = json.loads((tmp_path / "out" / "good" / "usage.json").read_text())
-    assert usage["peak_mib"] > 1 and usage["seconds"] > 0
+    assert usage["peak_mib"] > 1 and 0 < usage["cpu_seconds"] < 3
     assert (tmp_path / "out" / "good" / "log.txt").read_text() == "hello\n"
     assert "out of time" in (tmp_path / "out" / "slow" / "failed.txt").read_text()
 
     again = list(run_cases(folders, tmp_path / "out", way, jobs=2))
     assert again == [None] * len(names)
-    some = [folder for folder in folders if folder.name != "slow"]
+    some = [folder for folder in folders if folder.name not in ("slow", "waits")]
     retried = [e.task.name for e in run_cases(some, tmp_path / "out", way, 2, retry=True) if e is not None]
     assert sorted(retried) == ["error", "killed", "leaves", "silent"]
 

@@ -135,7 +135,15 @@ def test_forecasts_are_set_against_the_oracle_and_the_nominal() -> None:
     assert row["free_run"] == pytest.approx(6)
     assert row["free_run_oracle"] == pytest.approx(1.2)
     assert row["one_step_learned"] == pytest.approx(0.25)
-    outside = {**row, "kind": "outside", "verdict": "unknown", "late": False, "seconds": 1.0, "peak_mib": 300.0}
+    outside = {
+        **row,
+        "kind": "outside",
+        "verdict": "unknown",
+        "late": False,
+        "seconds": 1.0,
+        "cpu_seconds": 1.0,
+        "peak_mib": 300.0,
+    }
     lines = dict(bars.bars([outside]))
     assert lines["outside of the list: held-out one step halved by what is learned"].startswith("100.0 %")
 
@@ -149,7 +157,7 @@ def test_noise_is_told_in_mrad() -> None:
 def test_the_figures_of_the_report(tmp_path: Path) -> None:
     assert bars.rate(9, 10) == "90.0 % (55.5-99.7, n = 10)"
     assert area(np.array([False, False, True, True]), np.array([0.0, 1.0, 1.0, 2.0])) == 0.875
-    usage = {"seconds": 3.0, "peak_mib": 400.0, "late": False}
+    usage = {"seconds": 3.0, "cpu_seconds": 2.0, "peak_mib": 400.0, "late": False}
     row = {**score_case(KEY, answer(("actuator_delay", "actuator:drive"))), **usage}
     text = report([row], [], "Title", {"regression": [{**row, "exact": False}]})
     for line in (
