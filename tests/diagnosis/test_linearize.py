@@ -44,8 +44,15 @@ def test_a_linear_law_of_velocity_is_read_off_the_trajectories(bench, linear) ->
     close(linear.respond_to_force(0, -0.002 * speed)[..., 0], bench.predict(damped) - bench.predict(NOMINAL), 0.05)
 
 
-def test_the_states_are_the_fits_trajectories(bench, linear) -> None:
+def test_the_states_are_the_fits_trajectories_where_it_is_close(bench) -> None:
+    shooting = bench.shooting
+    close_by = dataclasses.replace(bench.nominal, per_segment=np.zeros(bench.segments.size))
+    far = dataclasses.replace(close_by, per_segment=np.where(np.arange(bench.segments.size) == 1, 1e9, 0.0))
+    linear, other = linearize(shooting, close_by), linearize(shooting, far)
     np.testing.assert_array_equal(linear.states[..., linear.positions], bench.predict(NOMINAL))
+    np.testing.assert_array_equal(np.delete(other.states, 1, 0), np.delete(linear.states, 1, 0))
+    np.testing.assert_array_equal(other.states[1, :, other.positions][0], bench.segments.take("smooth")[1, :, 0])
+    np.testing.assert_array_equal(other.states[1, :, other.velocities][0], bench.segments.take("velocity")[1, :, 0])
     assert linear.positions.tolist() == [0] and linear.velocities.tolist() == [1]
     assert linear.transition.shape == (bench.segments.size, bench.segments.intervals, 2, 2)
 

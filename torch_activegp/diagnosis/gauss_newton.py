@@ -21,6 +21,8 @@ _LITTLE = 0.05
 _HOPE = 0.01
 SETTLE = 4
 _STOPPED = 0.02
+_FAR_OFF = 30.0
+"""Where a segment's chi2 per sample is beyond, its state of another fit may be one that made up for what is missing."""
 _FAILED = 1e30
 """Stands for the chi2 of a segment whose simulation failed."""
 
@@ -42,7 +44,7 @@ def give_up(problems: Sequence[Problem]) -> None:
     order = sorted(problems, key=lambda p: p.chi2)
     best, worst = order[0].chi2, max((p.chi2 for p in order if np.isfinite(p.chi2)), default=np.inf)
     for problem in order[_RACERS:]:
-        if np.isfinite(problem.chi2) and problem.chi2 > best + max(60.0, 0.1 * (worst - best)):
+        if np.isfinite(problem.chi2) and problem.chi2 > best + max(60.0, min(0.1 * (worst - best), 4.0 * best)):
             problem.finished = True
 
 
@@ -54,7 +56,8 @@ def _total(per_segment: Array) -> float:
 class Problem:
     """One set on its way to the optimum: Levenberg-Marquardt on the parameters, the states by projection.
 
-    Derivatives by the states may come from a fit of another set near by; they are computed anew where they mislead.
+    Derivatives by the states may come from a fit of another set near by; they are computed anew where they mislead. Its
+    states too: segments that are far off in the beginning try the smoothed recording in their place.
     """
 
     def __init__(
@@ -65,8 +68,10 @@ class Problem:
         starts: Array,
         hold: bool = False,
         design: Array | None = None,
+        smooth: Array | None = None,
     ) -> None:
         self.shooting = shooting
+        self._smooth = smooth
         self.effects = effects
         self.finished = False
         self._trial = np.concatenate([np.asarray(v, dtype=float) for v in values]) if values else np.zeros(0)
@@ -138,7 +143,11 @@ class Problem:
         else:
             if len(white) > 1 or self._columns is None:
                 self._take_derivatives(white)
+            first = self._best is None
             self._better(residual, per_segment, len(white) > 1, last)
+            if first and self._still and self._smooth is not None:
+                far = per_segment > _FAR_OFF * residual.shape[-1]
+                self._trial_starts = np.where(far[:, None], self._smooth, self._trial_starts)
         self._settle(last)
 
     def _settle(self, last: bool) -> None:

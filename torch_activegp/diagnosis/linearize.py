@@ -13,6 +13,9 @@ from torch_activegp.diagnosis.runs import Array
 from torch_activegp.diagnosis.segments import Segments
 from torch_activegp.diagnosis.shooting import Shooting
 
+FAR_OFF = 30.0
+"""A fit that leaves more than this, in chi2 per sample of a segment, says little about where the machine was."""
+
 
 @dataclasses.dataclass(frozen=True)
 class Linearization:
@@ -61,10 +64,19 @@ class Linearization:
 
 
 def linearize(shooting: Shooting, fit: Fit) -> Linearization:
-    """Finite differences over single intervals, all of them side by side."""
+    """Finite differences over single intervals, all of them side by side.
+
+    Around the trajectories of the fit, and where these are far from the recording, around the smoothed recording: what
+    a law does depends on where the machine was.
+    """
     engine, segments = shooting.differences, shooting.segments
     model, channels = engine.model, engine.channels
     states = engine.trajectories(segments, fit.starts, fit.candidate)
+    far = fit.per_segment > FAR_OFF * np.maximum(segments.counts.sum(axis=1) * len(channels.dof), 1)
+    if far.any():
+        there, rows, every = segments.pick(far), np.flatnonzero(far), np.arange(states.shape[1])
+        states[np.ix_(rows, every, channels.qpos)] = there.take("smooth")
+        states[np.ix_(rows, every, model.nq + channels.dof)] = there.take("velocity")
     size, intervals = segments.size, segments.intervals
     pieces = _single(segments)
     begin = states[:, :-1].reshape(size * intervals, -1)

@@ -19,6 +19,8 @@ from torch_activegp.physics.effect import Effect
 
 _STEP = 0.005
 _CLOSE = 30.0
+_ROUGHLY = 0.1
+"""Where a fit leaves much more than the noise, an error of so much of what it leaves is close too."""
 _PRICE = 20.0
 _SETTLED = 0.01
 _POSES = 300
@@ -155,7 +157,8 @@ class Numerics:
             if not np.isfinite(judged.chi2):
                 judged = rough
                 continue
-            if working.offset is None or _unabsorbed(working, judged) < _CLOSE:
+            close = _CLOSE * max(1.0, _ROUGHLY * np.sqrt(judged.chi2 / working.dof))
+            if working.offset is None or _unabsorbed(working, judged) < close:
                 break
         return working, judged
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Iterable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 
 import mujoco
 import numpy as np
@@ -16,10 +16,13 @@ from torch_activegp.diagnosis.screening import Atom, Screen
 from torch_activegp.physics.effect import Effect
 
 Set = tuple[tuple[Effect, ...], tuple[Array, ...]]
+Worth = Callable[[tuple[Atom, ...]], float]
 
 MOST = 6
 _TUNED = 0.2
 _BESIDE = 8
+_BEAM = 6
+_BEST = 2
 _START = 0.15
 _LITTLE = 0.15
 _HOLDING = frozenset({"coulomb_friction", "stribeck_friction", "asymmetric_friction"})
@@ -37,6 +40,39 @@ def diverse(atoms: Sequence[Atom], most: int = MOST) -> list[Atom]:
         if len(chosen) == most:
             break
     return chosen
+
+
+def companies(atoms: Sequence[Atom], worth: Worth, most: int, least: float) -> list[tuple[Atom, ...]]:
+    """Sets of two or more that are worth more than all smaller ones, to first order: a forward search with a beam.
+
+    Effects that hide each other, such as the dry and viscous friction of one joint, are seen together before either is.
+    Laws that contain others stay out: :func:`richer` brings them where a simple one is found.
+
+    Args:
+        atoms: what to choose from.
+        worth: of a set, less its price.
+        most: size of the largest set.
+        least: what one more effect must add to the worth.
+    """
+    beam: list[tuple[Atom, ...]] = [()]
+    simple = [atom for atom in atoms if not atom.effect.covers]
+    top = -np.inf
+    found: list[tuple[Atom, ...]] = []
+    for size in range(1, most + 1):
+        larger = {
+            frozenset(a.effect.key for a in company): company
+            for company in sorted(
+                ((*old, a) for old in beam for a in simple if a.effect.key not in {o.effect.key for o in old}),
+                key=worth,
+            )
+        }
+        beam = sorted(larger.values(), key=worth, reverse=True)[:_BEAM]
+        better = [company for company in beam[:_BEST] if worth(company) > top + least]
+        if not better:
+            break
+        top = worth(better[0])
+        found += better if size > 1 else []
+    return found
 
 
 def also_little(atoms: Sequence[Atom]) -> list[Sequence[Atom]]:

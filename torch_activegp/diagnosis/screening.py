@@ -22,7 +22,7 @@ from torch_activegp.physics.sensing import SensorEffect
 _SAME = 1e-6
 
 
-@dataclasses.dataclass(frozen=True)
+@dataclasses.dataclass(frozen=True, eq=False)
 class Atom:
     """An effect at one of its seeds, and what it would gain.
 

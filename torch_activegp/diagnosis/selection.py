@@ -3,14 +3,24 @@
 from __future__ import annotations
 
 import dataclasses
-import itertools
+import functools
 import math
 from collections.abc import Callable, Sequence
 
 import numpy as np
 
 from torch_activegp.diagnosis.fit import Fit
-from torch_activegp.diagnosis.proposals import MOST, Set, also_little, beside_tuned, diverse, join, richer, without_weak
+from torch_activegp.diagnosis.proposals import (
+    MOST,
+    Set,
+    also_little,
+    beside_tuned,
+    companies,
+    diverse,
+    join,
+    richer,
+    without_weak,
+)
 from torch_activegp.diagnosis.runs import Array
 from torch_activegp.diagnosis.screening import Atom, Screen, screen
 from torch_activegp.diagnosis.shooting import Shooting
@@ -29,6 +39,9 @@ MATERIAL = 0.006
 _PLENTY = 400.0
 _PART = 0.2
 _CLOSE = 40.0
+_COMPANY = 40
+_LENIENT = 0.3
+_MORE = 20.0
 
 
 @dataclasses.dataclass(frozen=True)
@@ -58,6 +71,10 @@ class Score:
     def slack(self) -> float:
         """Sets behind the best one by less are developed too: about the price of one more name."""
         return SLACK + 0.5 * MATERIAL * self.mismatch / self.scale
+
+    def before_any_fit(self, nominal: Fit) -> Score:
+        """The score by the noise model, where no fit tells yet what noise is left; lenient, for it only proposes."""
+        return dataclasses.replace(self, scale=1.0, mismatch=_LENIENT * max(nominal.chi2 - self.samples, 0.0))
 
     def price(self, effects: Sequence[Effect]) -> float:
         """What a set must gain to be worth it."""
@@ -180,21 +197,20 @@ def _allowed(effects: Sequence[Effect], fit: Fit) -> list[Effect]:
 
 
 def _proposals(selection: Selection, fit: Fit, screened: Screen) -> list[Set]:
-    """The most promising sets that contain one more effect, or two where only a pair helps."""
+    """The most promising sets that contain one more effect, or several where these help together."""
 
-    def worth(atoms: Sequence[Atom]) -> float:
+    def worth(score: Score, atoms: tuple[Atom, ...]) -> float:
         gain = screened.joint_gain(atoms) if len(atoms) > 1 else atoms[0].gain
-        return gain / selection.score.scale - selection.score.price([a.effect for a in atoms])
+        return gain / score.scale - score.price([a.effect for a in atoms])
 
     best = screened.best()
-    singles = sorted((a for a in best[: 4 * MOST] if worth([a]) > 0.0), key=lambda a: -worth([a]))
-    chosen: list[Sequence[Atom]] = [(atom,) for atom in diverse(singles)]
-    if len(fit.effects) + 2 <= MAX_EFFECTS:
-        pairs = [p for p in itertools.combinations(best[:12], 2) if p[0].effect.key != p[1].effect.key]
-        least = 20.0 + max((worth(atoms) for atoms in chosen), default=0.0)
-        ranked = sorted(((worth(pair), pair) for pair in pairs), key=lambda item: -item[0])
-        if ranked and ranked[0][0] > least:
-            chosen += [pair for value, pair in ranked[:2] if value > 0.0]
+    singles = [a for a in best[: 4 * MOST] if worth(selection.score, (a,)) > 0.0]
+    chosen: list[Sequence[Atom]] = [(a,) for a in diverse(sorted(singles, key=lambda a: -worth(selection.score, (a,))))]
+    strict = selection.score.before_any_fit(selection.nominal)
+    alone = functools.cache(functools.partial(worth, strict))
+    for company in companies(best[:_COMPANY], alone, MAX_EFFECTS - len(fit.effects), _MORE):
+        values = screened.together(company)[1]
+        chosen.append([dataclasses.replace(a, values=v) for a, v in zip(company, values, strict=True)])
     return [join(fit, some) for atoms in chosen for some in also_little(atoms)]
 
 

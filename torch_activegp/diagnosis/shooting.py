@@ -126,8 +126,9 @@ class Shooting:
             race: give up on sets that stay far behind the best after two steps.
             design: derivatives by the initial states from a fit near by, :attr:`Fit.design`, which saves work.
         """
+        smooth = None if design is None else self.engine.starts(self.segments)
         problems = [
-            Problem(self, tuple(e), tuple(v), starts if starts.ndim == 2 else starts[i], hold, design)
+            Problem(self, tuple(e), tuple(v), starts if starts.ndim == 2 else starts[i], hold, design, smooth)
             for i, (e, v) in enumerate(sets)
         ]
         for number in range(rounds + 1):
