@@ -1,12 +1,22 @@
 from __future__ import annotations
 
 import dataclasses
+from types import SimpleNamespace
 
 import mujoco
 import numpy as np
 import pytest
 
-from torch_activegp.diagnosis.proposals import also_little, beside_tuned, diverse, join, joint_of, richer, without_weak
+from torch_activegp.diagnosis.proposals import (
+    also_little,
+    beside_tuned,
+    companies,
+    diverse,
+    join,
+    joint_of,
+    richer,
+    without_weak,
+)
 from torch_activegp.diagnosis.screening import screen
 
 
@@ -96,3 +106,20 @@ def test_friction_that_can_hold_a_joint_is_also_tried_small(bench) -> None:
     np.testing.assert_allclose(less[0].values[:2], 0.15 * dry.values[:2])
     assert less[0].values[2] == dry.values[2]
     assert less[1] is spring
+
+
+def test_effects_that_hide_each_other_are_seen_together() -> None:
+    def atom(name: str, covers: tuple[str, ...] = ()) -> SimpleNamespace:
+        return SimpleNamespace(effect=SimpleNamespace(key=(name, "joint:a"), name=name, covers=covers))
+
+    dry, wet, bias, rich = atom("dry"), atom("wet"), atom("bias"), atom("rich", ("dry",))
+    gains = {"dry": 50.0, "wet": 60.0, "bias": 1.0, "dry wet": 200.0, "bias dry wet": 300.0, "bias wet": 61.0}
+
+    def worth(company: tuple[SimpleNamespace, ...]) -> float:
+        names = " ".join(sorted(a.effect.name for a in company))
+        return 1e9 if "rich" in names else gains.get(names, 0.0)
+
+    found = companies([dry, wet, bias, rich], worth, 4, 20.0)
+    assert [{a.effect.name for a in company} for company in found] == [{"dry", "wet"}, {"dry", "wet", "bias"}]
+    assert len(companies([dry, wet, bias, rich], worth, 2, 20.0)) == 1
+    assert companies([dry, wet, bias], worth, 4, 1000.0) == []
