@@ -43,7 +43,7 @@ def noise_std(signal: Tensor, time: Tensor | None = None) -> float:
     signal = signal.double()
     time = torch.arange(len(signal)) if time is None else time / torch.diff(time).median()
     floor = min(float(_differences(time.double(), signal, order).abs().median()) for order in _ORDERS)
-    return max(_MAD_TO_STD * floor, _quantum(signal) / math.sqrt(12))
+    return max(_MAD_TO_STD * floor, quantum(signal) / math.sqrt(12))
 
 
 def _differences(time: Tensor, signal: Tensor, order: int) -> Tensor:
@@ -54,7 +54,7 @@ def _differences(time: Tensor, signal: Tensor, order: int) -> Tensor:
     return (weights * signal.unfold(0, order + 1, 1)).sum(dim=-1) / weights.norm(dim=-1)
 
 
-def _quantum(signal: Tensor) -> float:
+def quantum(signal: Tensor) -> float:
     """Return the step of a quantised signal, 0 if its differences are no multiples of one step."""
     steps = torch.abs(torch.diff(signal))
     steps = steps[steps > 1e-12 * signal.abs().max()]

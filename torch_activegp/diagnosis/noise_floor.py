@@ -8,6 +8,7 @@ import numpy as np
 from scipy import signal
 
 from torch_activegp.diagnosis.noise_model import NoiseModel, colour_family
+from torch_activegp.diagnosis.noise_periods import noise_from_periods
 from torch_activegp.diagnosis.runs import Array, Run, median_step
 
 _WINDOW = 128
@@ -26,8 +27,9 @@ def noise_floor(runs: Sequence[Run]) -> NoiseModel:
 
     High differences measure white noise. A filter in the encoder makes noise whose differences are small though its
     level is not; it shows in the spectrum above the machine's motion, which is flat for white noise. Recordings slower
-    than 67 Hz leave no such band: their noise counts as white. No floor is below 3e-5 of the motion: rigid bodies, and
-    the arithmetic that simulates them, are no more exact than that.
+    than 67 Hz leave no such band: their noise counts as white. Where the controls repeat and the motion has settled,
+    noise is what differs from period to period, and neither is asked. No floor is below 3e-5 of the motion: rigid
+    bodies, and the arithmetic that simulates them, are no more exact than that.
 
     Args:
         runs: at least one.
@@ -36,7 +38,7 @@ def noise_floor(runs: Sequence[Run]) -> NoiseModel:
     scale = np.maximum(np.sqrt(np.mean([run.noise**2 for run in runs], axis=0)), _FINEST * spread) + 1e-12
     colour = np.zeros((len(scale), 2))
     for channel in range(len(scale)):
-        found = _colour(runs, channel)
+        found = noise_from_periods(runs, channel) or _colour(runs, channel)
         if found is not None:
             colour[channel], scale[channel] = found
     return NoiseModel(np.asarray(scale), colour)
