@@ -1,6 +1,7 @@
 from __future__ import annotations
 
 import json
+from typing import Self
 
 import mujoco
 import numpy as np
@@ -8,6 +9,8 @@ import pytest
 
 from torch_activegp.diagnosis import diagnose
 from torch_activegp.errors import ConfigurationError, DataError
+from torch_activegp.physics import Parameter, Place
+from torch_activegp.physics.joint import JointEffect
 
 
 def test_viscous_friction_is_named_with_its_coefficient(bench, diagnosed) -> None:
@@ -36,6 +39,40 @@ def test_a_bump_over_the_position_is_unknown(diagnosed) -> None:
     assert (found.verdict, found.effects) == ("unknown", ())
     assert found.details["unexplained"]["white"] is False
     assert "no effect on the list explains it" in found.sentence
+
+
+class Bump(JointEffect):
+    """The torque that :func:`test_a_bump_over_the_position_is_unknown` has no name for."""
+
+    name = "bump"
+    law = "A exp(-((q - p)/w)^2)"
+
+    @classmethod
+    def at(cls, place: Place, model: mujoco.MjModel) -> Self:
+        parameters = (
+            Parameter("height", place.force_unit, 0.1 * place.force),
+            Parameter("place", place.position_unit, 0.02, *place.position),
+            Parameter("width", place.position_unit, 0.01, 0.02, 1.0),
+        )
+        seeds = [[place.force, p, 0.1] for p in np.linspace(*place.position, 12)]
+        return cls.make(place, parameters, seeds, linear=1)
+
+    def force(self, position, velocity, values):
+        return values[0] * np.exp(-(((position - values[1]) / values[2]) ** 2))
+
+
+def test_a_law_of_the_users_is_named_beside_the_list(bench, record) -> None:
+    recordings = [record("bump", i, f"run{i}") for i in range(3)]
+    found = diagnose(bench.xml, recordings, [record("bump", 9, "kept")], effects=[Bump], nthread=1)
+    (effect,) = found.effects
+    assert (found.verdict, effect.name, effect.target, effect.mjcf) == ("named", "bump", "joint:hip", False)
+    assert effect.parameters["height"].value == pytest.approx(0.8, rel=0.1)
+    assert effect.parameters["place"].value == pytest.approx(0.4, abs=0.01)
+    assert "A exp(-((q - p)/w)^2)" in effect.law
+    assert (
+        found.details["fit"]["holdout"]["free_run"]["after"]
+        < 0.2 * found.details["fit"]["holdout"]["free_run"]["before"]
+    )
 
 
 def test_the_corrected_model_reproduces_the_held_out_error_in_plain_mujoco(record, diagnosed) -> None:

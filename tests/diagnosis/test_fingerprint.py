@@ -1,6 +1,7 @@
 from __future__ import annotations
 
 import dataclasses
+import importlib
 
 import numpy as np
 import pytest
@@ -50,6 +51,25 @@ def test_whatever_differs_is_another(parts, bench, record) -> None:
         fingerprint(source, machine, [seeded, *effects[1:]], 0),
     ]
     assert len(set(words)) == len(words)
+
+
+def test_a_users_class_is_known_by_its_source(parts, tmp_path, monkeypatch) -> None:
+    """Its law is not in its values."""
+
+    def word(factor: int) -> str:
+        module = f"law_{factor}"
+        (tmp_path / f"{module}.py").write_text(
+            "from torch_activegp.physics.friction import ViscousFriction\n"
+            "class Law(ViscousFriction):\n    name = 'law'\n"
+            f"    def force(self, q, v, c): return -{factor} * c[0] * v\n"
+        )
+        monkeypatch.syspath_prepend(tmp_path)
+        source, machine, _ = parts()
+        kind = importlib.import_module(module).Law
+        return fingerprint(source, machine, effects_for(machine.model, machine.channels, machine.fit, [kind]))
+
+    assert word(2) != word(3)
+    assert word(2) == word(2)
 
 
 def test_another_version_of_the_package_is_another(parts, monkeypatch) -> None:

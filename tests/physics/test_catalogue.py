@@ -11,8 +11,13 @@ import mujoco
 import numpy as np
 import pytest
 
+from torch_activegp.errors import ConfigurationError
 from torch_activegp.physics import Effect, Place, catalogue
+from torch_activegp.physics.actuation import ActuatorGain
 from torch_activegp.physics.catalogue import body_effects, farthest_point
+from torch_activegp.physics.friction import ViscousFriction
+from torch_activegp.physics.joint import JointEffect
+from torch_activegp.physics.sensing import SensorBias
 
 NAMES = set(
     "viscous_friction coulomb_friction asymmetric_friction stribeck_friction quadratic_drag linear_spring cubic_spring "
@@ -40,6 +45,38 @@ def test_the_catalogue_holds_every_name(bench: Any) -> None:
     assert max(Counter((*effect.key, effect.variant) for effect in found).values()) == 1
     targets = {effect.target.partition(":")[0] for effect in found}
     assert targets == {"joint", "actuator", "sensor", "body", "world"}
+
+
+def test_a_users_class_is_tried_wherever_it_can_act(bench: Any) -> None:
+    kinds = {
+        "joint": type("Rub", (ViscousFriction,), {"name": "rub"}),
+        "actuator": type("Weak", (ActuatorGain,), {"name": "weak"}),
+        "sensor": type("Off", (SensorBias,), {"name": "off"}),
+    }
+    sensors = [dataclasses.replace(place, index=c) for c, place in enumerate((bench.shoulder, bench.elbow))]
+    found = catalogue(
+        bench.model, [bench.shoulder, bench.elbow], [bench.drive, bench.servo], sensors, list(kinds.values())
+    )
+    assert len(found) == 64 + 6
+    for where, kind in kinds.items():
+        made = [effect for effect in found if type(effect) is kind]
+        assert len({effect.target for effect in made}) == 2
+        assert all(effect.target.startswith(f"{where}:") for effect in made)
+
+
+@pytest.mark.parametrize(
+    ("more", "message"),
+    [
+        ([ViscousFriction], "the name 'viscous_friction' of ViscousFriction is taken"),
+        ([type("Rub", (ViscousFriction,), {"name": "rub"})] * 2, "the name 'rub' of Rub is taken"),
+        ([Effect], "a class wanted that is a JointEffect, an ActuatorEffect or a SensorEffect .* found .*Effect"),
+        ([JointEffect], "has a name and a method `at`, found .*JointEffect"),
+        (["rub"], "a class wanted .* found 'rub'"),
+    ],
+)
+def test_what_is_no_further_effect_is_refused(bench: Any, more: list[Any], message: str) -> None:
+    with pytest.raises(ConfigurationError, match=message):
+        catalogue(bench.model, [bench.elbow], [], [], more)
 
 
 @every

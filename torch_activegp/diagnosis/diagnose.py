@@ -31,6 +31,7 @@ from torch_activegp.diagnosis.runs import input_addresses, median_step
 from torch_activegp.diagnosis.source import Source, read_source
 from torch_activegp.diagnosis.stability import stability
 from torch_activegp.diagnosis.words import sentence
+from torch_activegp.physics.effect import Effect
 
 _WORTH_LEARNING = 0.03
 """A remainder of a smaller part of the mismatch is not modelled."""
@@ -43,6 +44,7 @@ def diagnose(
     recordings: Sequence[Recording],
     holdout: Sequence[Recording] = (),
     *,
+    effects: Sequence[type[Effect]] = (),
     seed: int = 0,
     nthread: int = 0,
     tell: Tell | None = None,
@@ -55,6 +57,7 @@ def diagnose(
             `Simulator` whose state is positions and their velocities; then effects act as accelerations.
         recordings: runs for fitting and selection.
         holdout: runs that are only forecast; without any, whole runs are set aside, and the notes say which.
+        effects: classes of your own, which are tried beside those on the list wherever they can act.
         seed: of the controls proposed for the next experiment; nothing else is random.
         nthread: threads of the simulations; 0 for all cores.
         tell: hears the name of each stage and the part of the work that is done.
@@ -65,19 +68,20 @@ def diagnose(
 
     Raises:
         DataError: a recording does not fit the model.
-        ConfigurationError: a model that does not compile or cannot be simulated in batches, or whose state is another.
+        ConfigurationError: a model that does not compile or cannot be simulated in batches, or whose state is another;
+            a class of your own that cannot be placed.
         SimulationError: a simulator fails, or returns something else than next states.
     """
     say = tell or (lambda words, done: None)
     say("reading", 0.0)
     source = read_source(model)
     machine = make_machine(source.model, recordings, holdout, source.box)
-    effects = effects_for(machine.model, machine.channels, machine.fit)
+    tried = effects_for(machine.model, machine.channels, machine.fit, effects)
     if source.box is not None:
-        effects = accelerations(effects)
+        tried = accelerations(tried)
     if checkpoint is not None:
-        checkpoint.open(fingerprint(source, machine, effects, seed))
-    explanation = explain(machine, effects, nthread, lambda words: say(words, None), checkpoint)
+        checkpoint.open(fingerprint(source, machine, tried, seed))
+    explanation = explain(machine, tried, nthread, lambda words: say(words, None), checkpoint)
     say("weighing the evidence", 0.7)
     judgement = judge(explanation.shooting, explanation.selection)
     return _report(source, machine, explanation, judgement, seed, say)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import hashlib
+import inspect
 from collections.abc import Sequence
 from importlib.metadata import version
 from typing import Any
@@ -59,10 +60,21 @@ def _plain(value: object) -> object:
     if isinstance(value, mujoco.MjSpec):
         return value.to_xml()
     if isinstance(value, Effect):
-        return [value.name, value.target, value.variant, value.linear, value.seeds, *value.parameters]
+        kind = [value.name, value.target, value.variant, value.linear, _code(type(value))]
+        return [*kind, value.seeds, *value.parameters]
     if dataclasses.is_dataclass(value):
         return [type(value).__name__, *(getattr(value, field.name) for field in dataclasses.fields(value))]
     return value
+
+
+def _code(kind: type) -> str:
+    """The source of a user's class; what it computes is not in its values. Ours go with the version."""
+    if kind.__module__.startswith("torch_activegp."):
+        return kind.__qualname__
+    try:
+        return inspect.getsource(kind)
+    except (OSError, TypeError):  # typed in, and nowhere to be read
+        return repr(id(kind))
 
 
 def _answers(box: BlackBox, machine: Machine) -> list[object]:

@@ -11,20 +11,26 @@ from torch_activegp.diagnosis.runs import Array, Channels, Run, median_step
 from torch_activegp.physics import Effect, Place, catalogue
 
 
-def effects_for(model: mujoco.MjModel, channels: Channels, runs: Sequence[Run]) -> list[Effect]:
+def effects_for(
+    model: mujoco.MjModel, channels: Channels, runs: Sequence[Run], more: Sequence[type[Effect]] = ()
+) -> list[Effect]:
     """All effects of the catalogue on this machine, sized by what the recordings show.
 
     Args:
         model: nominal model.
         channels: recorded joints.
         runs: recordings to size by.
+        more: classes that are not on the list.
+
+    Raises:
+        ConfigurationError: one of these classes is of no kind that can be placed, or its name is taken.
     """
     joints = [_joint(model, channels, runs, c) for c in range(len(channels.joints))]
     sensors = [
         Place(p.target, c, p.position_unit, p.force_unit, p.position, p.speed, p.top_speed, p.force, dt=p.dt)
         for c, p in enumerate(joints)
     ]
-    return catalogue(model, joints, _actuators(model, runs), sensors)
+    return catalogue(model, joints, _actuators(model, runs), sensors, more)
 
 
 def _joint(model: mujoco.MjModel, channels: Channels, runs: Sequence[Run], c: int) -> Place:

@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 
 import mujoco
 import numpy as np
 
-from torch_activegp.physics.actuation import ACTUATION
+from torch_activegp.errors import ConfigurationError
+from torch_activegp.physics.actuation import ACTUATION, ActuatorEffect
 from torch_activegp.physics.effect import Array, Effect, Place
 from torch_activegp.physics.friction import FRICTION
 from torch_activegp.physics.inertia import (
@@ -17,15 +18,20 @@ from torch_activegp.physics.inertia import (
     GravityError,
     PayloadMass,
 )
+from torch_activegp.physics.joint import JointEffect
 from torch_activegp.physics.play import MEMORY, Backlash
-from torch_activegp.physics.sensing import SENSING
+from torch_activegp.physics.sensing import SENSING, SensorEffect
 from torch_activegp.physics.springs import POSITION_FORCES
 
 JOINT_EFFECTS = (*FRICTION, *POSITION_FORCES, *MEMORY, ArmatureError)
 
 
 def catalogue(
-    model: mujoco.MjModel, joints: Sequence[Place], actuators: Sequence[Place], sensors: Sequence[Place]
+    model: mujoco.MjModel,
+    joints: Sequence[Place],
+    actuators: Sequence[Place],
+    sensors: Sequence[Place],
+    more: Sequence[type[Effect]] = (),
 ) -> list[Effect]:
     """Makes every effect of the list for every place where it can act.
 
@@ -34,9 +40,13 @@ def catalogue(
         joints: recorded joints, hinges and slides.
         actuators: actuators with a recorded control that changes.
         sensors: recorded positions; ``index`` is the channel.
+        more: classes that are not on the list: joint effects, actuator effects or sensor effects.
 
     Returns:
         Effects; several variants may share one name and target.
+
+    Raises:
+        ConfigurationError: a further class is of another kind, or its name is on the list already.
     """
     effects: list[Effect] = [kind.at(place, model) for place in joints for kind in JOINT_EFFECTS]  # type: ignore[attr-defined]
     effects += [Backlash.at(place, model) for place in joints if Backlash.fits(place, model)]
@@ -44,7 +54,24 @@ def catalogue(
     effects += [kind.at(place, model) for place in sensors for kind in SENSING]  # type: ignore[attr-defined]
     effects += body_effects(model)
     effects += [GravityError.along(axis) for axis in range(3)]
+    places = {JointEffect: joints, ActuatorEffect: actuators, SensorEffect: sensors}
+    for kind in more:
+        acts_on = _places_of(kind, places)
+        if kind.name in {effect.name for effect in effects}:
+            raise ConfigurationError(f"effects: the name {kind.name!r} of {kind.__name__} is taken. Give it another.")
+        effects += [kind.at(place, model) for place in acts_on]  # type: ignore[attr-defined]
     return effects
+
+
+def _places_of(kind: type[Effect], places: Mapping[type[Effect], Sequence[Place]]) -> Sequence[Place]:
+    """Where a class of a user's can act."""
+    for base, found in places.items():
+        if isinstance(kind, type) and issubclass(kind, base) and hasattr(kind, "at") and hasattr(kind, "name"):
+            return found
+    raise ConfigurationError(
+        "effects: a class wanted that is a JointEffect, an ActuatorEffect or a SensorEffect and has a name and a "
+        f"method `at`, found {kind!r}. See tutorials/07_add_an_effect.py."
+    )
 
 
 def body_effects(model: mujoco.MjModel) -> list[Effect]:
