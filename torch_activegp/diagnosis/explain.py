@@ -148,7 +148,7 @@ def _finish(
             seen = [(judged.effects, judged.values), *leaders]
             selection = select(shooting, effects, bare, seen, judged.starts, tell)
     _polish(shooting, selection)
-    return Explanation(engine, shooting, selection, tuple(effects), engine is numerics.fine)
+    return Explanation(engine, shooting, selection, tuple(effects), engine is not numerics.given)
 
 
 def _polish(shooting: Shooting, selection: Selection) -> None:
@@ -174,16 +174,14 @@ def _longest(machine: Machine, numerics: Numerics, noise: NoiseModel, too_far: f
     step = median_step(machine.fit)
     segments = cut(machine.fit, max(SECONDS, ROWS * step), PAD)
     while True:
-        shooting = Shooting(numerics.given, segments, noise)
-        given = shooting.fit([((), ())], shooting.engine.starts(segments), rounds=6)[0]
-        shooting = dataclasses.replace(shooting, engine=numerics.fine)
-        fine = shooting.fit([((), ())], given.starts, rounds=6, design=given.design)[0]
-        best = min(given, fine, key=lambda fit: fit.chi2)
+        shooting = Shooting(numerics.coarse, segments, noise)
+        best = shooting.fit([((), ())], shooting.engine.starts(segments), rounds=6)[0]
         bad = _far(best, segments, too_far) | (_growth(best, segments, noise) > _GROWTH)
         long = segments.dt[:, 0] * np.diff(segments.scored, axis=1)[:, 0] > 1.5 * _SHORTEST
-        if not (bad & long).any():
+        shorter = halve(segments, bad & long)
+        if shorter.size == segments.size:
             return segments, best
-        segments = halve(segments, bad & long)
+        segments = shorter
 
 
 def _far(fit: Fit, segments: Segments, much: float) -> NDArray[np.bool_]:

@@ -18,6 +18,7 @@ from torch_activegp.diagnosis.shooting import Shooting
 from torch_activegp.physics.effect import Effect
 
 _STEP = 0.005
+_STIFF_STEP = 0.002
 _CLOSE = 30.0
 _ROUGHLY = 0.1
 """Where a fit leaves much more than the noise, an error of so much of what it leaves is close too."""
@@ -76,7 +77,7 @@ class Numerics:
 
     Args:
         given: the model's own integrator and time step.
-        fine: Runge-Kutta of fourth order.
+        fine: Runge-Kutta of fourth order; the same object where the model has it already.
         coarse: the model's own integrator, few steps.
     """
 
@@ -92,10 +93,14 @@ class Numerics:
         few = max(int(np.ceil(step / _STEP - 1e-6)), 1)
         plain, stiff = substeps_for(model, machine.fit), _stiff(machine)
         stride = 1 if stiff else max(int(_STEP / step + 1e-6), 1)
+        given = Engine(model, channels, plain, nthread)
+        often = max(few, plain) if stiff else few
+        seldom = max(int(np.ceil(step / _STIFF_STEP - 1e-6)), 1) if stiff else few
+        same = model.opt.integrator == _RUNGE_KUTTA and often == plain
         return cls(
-            Engine(model, channels, plain, nthread),
-            Engine(model, channels, max(few, plain) if stiff else few, nthread, _RUNGE_KUTTA),
-            Engine(model, channels, plain if stiff else min(few, plain), nthread, _cheap(model), stride=stride),
+            given,
+            given if same else Engine(model, channels, often, nthread, _RUNGE_KUTTA),
+            Engine(model, channels, min(seldom, plain), nthread, _cheap(model), stride=stride),
         )
 
     def choose(
@@ -130,7 +135,7 @@ class Numerics:
                     break
         trials = [*sets[:1], *_without_delays(sets[:1])]
         results = []
-        for engine in (self.given, self.fine):
+        for engine in dict.fromkeys((self.given, self.fine)):
             if known is not None and engine is known[0] and rough is near:
                 working, judged = known[1], near
             else:
