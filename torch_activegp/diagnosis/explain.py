@@ -87,7 +87,7 @@ def explain(
     """
     numerics = (Numerics if machine.box is None else GivenNumerics).of(machine, nthread)
     keep = checkpoint or Checkpoint()
-    keep.share([numerics.given, numerics.fine, numerics.coarse, *machine.fit, *effects])
+    keep.share([*vars(numerics).values(), *machine.fit, *effects])
     tell("noise floor")
     noise = noise_floor(machine.fit)
 
