@@ -231,4 +231,4 @@ class GivenNumerics(Numerics):
         assert machine.box is not None
         substeps = substeps_for(machine.model, machine.fit)
         given, late = (BlackBoxEngine(machine.box, machine.channels, substeps, late=late) for late in (False, True))
-        return cls(given, late, given)
+        return cls(given, late, given, late)

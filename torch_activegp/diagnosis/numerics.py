@@ -69,7 +69,7 @@ def _without_delays(sets: Sets) -> list[tuple[tuple[Effect, ...], tuple[Array, .
 
 @dataclasses.dataclass(frozen=True)
 class Numerics:
-    """One model in three forms.
+    """One model in several forms.
 
     A truth that is integrated more finely than the model looks as if its control came half a time step late. So the
     model as it is competes with the model nearly continuous in time, before anything is named; and while sets are
@@ -79,28 +79,32 @@ class Numerics:
         given: the model's own integrator and time step.
         fine: Runge-Kutta of fourth order; the same object where the model has it already.
         coarse: the model's own integrator, few steps.
+        middle: Runge-Kutta with few steps, where coarse is not close enough; dry friction wants more of them.
     """
 
     given: Engine
     fine: Engine
     coarse: Engine
+    middle: Engine
 
     @classmethod
     def of(cls, machine: Machine, nthread: int = 0) -> Numerics:
-        """Makes the three for a machine."""
+        """Makes them for a machine."""
         model, channels = machine.model, machine.channels
         step = median_step(machine.fit)
         few = max(int(np.ceil(step / _STEP - 1e-6)), 1)
         plain, stiff = substeps_for(model, machine.fit), _stiff(machine)
         stride = 1 if stiff else max(int(_STEP / step + 1e-6), 1)
         given = Engine(model, channels, plain, nthread)
-        often = max(few, plain) if stiff else few
+        often = max(few, plain)
         seldom = max(int(np.ceil(step / _STIFF_STEP - 1e-6)), 1) if stiff else few
         same = model.opt.integrator == _RUNGE_KUTTA and often == plain
+        fine = given if same else Engine(model, channels, often, nthread, _RUNGE_KUTTA)
         return cls(
             given,
-            given if same else Engine(model, channels, often, nthread, _RUNGE_KUTTA),
+            fine,
             Engine(model, channels, min(seldom, plain), nthread, _cheap(model), stride=stride),
+            fine if stiff or often == few else Engine(model, channels, few, nthread, _RUNGE_KUTTA),
         )
 
     def choose(
@@ -128,7 +132,7 @@ class Numerics:
         first = Shooting(self.coarse, segments, noise)
         rough = near
         if sets and tuple(sets[0][0]) != near.effects:
-            for cheap in (self.coarse, self.fine, self.given):
+            for cheap in dict.fromkeys((self.coarse, self.middle, self.given)):
                 first = Shooting(cheap, segments, noise)
                 rough = first.fit(sets[:1], near.starts, design=near.design)[0]
                 if np.isfinite(rough.chi2):
@@ -151,7 +155,7 @@ class Numerics:
     def _working(self, engine: Engine, first: Shooting, rough: Fit) -> tuple[Shooting, Fit]:
         """The cheapest form that stays close to an engine, corrected by it."""
         judged = rough
-        for cheap in (self.coarse, self.fine, engine):
+        for cheap in dict.fromkeys((self.coarse, self.middle, engine)):
             working = dataclasses.replace(first, engine=cheap, cheap=self.coarse)
             for _ in range(2):
                 before = judged.chi2
