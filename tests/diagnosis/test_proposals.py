@@ -123,3 +123,5 @@ def test_effects_that_hide_each_other_are_seen_together() -> None:
     assert [{a.effect.name for a in company} for company in found] == [{"dry", "wet"}, {"dry", "wet", "bias"}]
     assert len(companies([dry, wet, bias, rich], worth, 2, 20.0)) == 1
     assert companies([dry, wet, bias], worth, 4, 1000.0) == []
+    poor = {name: gain - 300.0 for name, gain in gains.items()}
+    assert companies([dry, wet], lambda company: poor[" ".join(sorted(a.effect.name for a in company))], 4, 20.0) == []

@@ -80,3 +80,9 @@ def test_halves_hold_the_rows_of_the_whole(make_plain_run) -> None:
 def test_short_segments_are_not_halved(make_plain_run) -> None:
     segments = cut([make_plain_run(np.zeros(61))], 0.1, 0.0)
     assert halve(segments, np.ones(segments.size, dtype=bool)).size == segments.size
+
+
+def test_a_segment_is_far_off_by_its_own_samples(bench) -> None:
+    samples = bench.segments.counts.sum(axis=1)
+    assert not bench.segments.far_off(29.0 * samples).any()
+    assert bench.segments.far_off(31.0 * samples).all()

@@ -11,6 +11,7 @@ from torch_activegp.diagnosis.elimination import bounded_step, eliminate
 from torch_activegp.diagnosis.engine import Candidate
 from torch_activegp.diagnosis.fit import Fit
 from torch_activegp.diagnosis.runs import Array
+from torch_activegp.diagnosis.segments import Segments
 from torch_activegp.physics.effect import Effect
 
 _STEP = 0.05
@@ -21,14 +22,17 @@ _LITTLE = 0.05
 _HOPE = 0.01
 SETTLE = 4
 _STOPPED = 0.02
-_FAR_OFF = 30.0
-"""Where a segment's chi2 per sample is beyond, its state of another fit may be one that made up for what is missing."""
 _FAILED = 1e30
 """Stands for the chi2 of a segment whose simulation failed."""
 
 
 class Likelihood(Protocol):
     """What a problem needs of the likelihood."""
+
+    @property
+    def segments(self) -> Segments:
+        """The segments."""
+        ...
 
     def state_columns(self, starts: Array) -> Array:
         """Perturbations of the initial states worth trying, ``(n,)``."""
@@ -146,7 +150,7 @@ class Problem:
             first = self._best is None
             self._better(residual, per_segment, len(white) > 1, last)
             if first and self._still and self._smooth is not None:
-                far = per_segment > _FAR_OFF * residual.shape[-1]
+                far = self.shooting.segments.far_off(per_segment)
                 self._trial_starts = np.where(far[:, None], self._smooth, self._trial_starts)
         self._settle(last)
 

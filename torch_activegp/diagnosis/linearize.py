@@ -13,9 +13,6 @@ from torch_activegp.diagnosis.runs import Array
 from torch_activegp.diagnosis.segments import Segments
 from torch_activegp.diagnosis.shooting import Shooting
 
-FAR_OFF = 30.0
-"""A fit that leaves more than this, in chi2 per sample of a segment, says little about where the machine was."""
-
 
 @dataclasses.dataclass(frozen=True)
 class Linearization:
@@ -72,7 +69,7 @@ def linearize(shooting: Shooting, fit: Fit) -> Linearization:
     engine, segments = shooting.differences, shooting.segments
     model, channels = engine.model, engine.channels
     states = engine.trajectories(segments, fit.starts, fit.candidate)
-    far = fit.per_segment > FAR_OFF * np.maximum(segments.counts.sum(axis=1) * len(channels.dof), 1)
+    far = segments.far_off(fit.per_segment)
     if far.any():
         there, rows, every = segments.pick(far), np.flatnonzero(far), np.arange(states.shape[1])
         states[np.ix_(rows, every, channels.qpos)] = there.take("smooth")

@@ -56,7 +56,7 @@ def companies(atoms: Sequence[Atom], worth: Worth, most: int, least: float) -> l
     """
     beam: list[tuple[Atom, ...]] = [()]
     simple = [atom for atom in atoms if not atom.effect.covers]
-    top = -np.inf
+    top = 0.0
     found: list[tuple[Atom, ...]] = []
     for size in range(1, most + 1):
         larger = {
@@ -67,11 +67,16 @@ def companies(atoms: Sequence[Atom], worth: Worth, most: int, least: float) -> l
             )
         }
         beam = sorted(larger.values(), key=worth, reverse=True)[:_BEAM]
-        better = [company for company in beam[:_BEST] if worth(company) > top + least]
-        if not better:
+        if not beam:
             break
-        top = worth(better[0])
-        found += better if size > 1 else []
+        better = [company for company in beam[:_BEST] if worth(company) > top + least]
+        if size == 1:
+            top = max(worth(beam[0]), 0.0)
+        elif better:
+            top = worth(better[0])
+            found += better
+        else:
+            break
     return found
 
 

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from torch_activegp.diagnosis.runs import Array, Run
 
 _LEAST = 12
+_FAR_OFF = 30.0
 
 
 @dataclasses.dataclass(frozen=True)
@@ -66,6 +67,14 @@ class Segments:
         """Some of the segments."""
         names = ("run", "first", "position", "counts", "dt", "scored")
         return dataclasses.replace(self, **{name: getattr(self, name)[which] for name in names})
+
+    def far_off(self, per_segment: Array) -> NDArray[np.bool_]:
+        """Where a fit says little about where the machine was, ``(S,)``: chi2 of a sample beyond 30.
+
+        Args:
+            per_segment: chi2 of the segments, ``(S,)``.
+        """
+        return np.asarray(per_segment > _FAR_OFF * np.maximum(self.counts.sum(axis=1) * self.position.shape[-1], 1))
 
     def centers(self) -> Array:
         """The time at the middle of each segment, ``(S,)``, s."""
