@@ -5,7 +5,8 @@ import dataclasses
 import mujoco
 import pytest
 
-from torch_activegp.diagnosis.explain import explain
+from torch_activegp.diagnosis.explain import _longest, explain
+from torch_activegp.diagnosis.numerics import Numerics
 
 NAMES = ("viscous_friction", "coulomb_friction", "constant_force", "actuator_delay")
 
@@ -36,3 +37,11 @@ def test_nothing_is_found_where_nothing_is_missing(clean) -> None:
     found = explain(clean.machine, some(clean), 1)
     assert found.selection.best.effects == ()
     assert found.selection.nominal.chi2 / found.shooting.dof == pytest.approx(1.0, abs=0.2)
+
+
+def test_segments_that_cannot_be_shorter_end_the_search(bench, monkeypatch) -> None:
+    monkeypatch.setattr("torch_activegp.diagnosis.explain._far", lambda fit, segments, much: segments.dt[:, 0] > 0.0)
+    monkeypatch.setattr("torch_activegp.diagnosis.explain._SHORTEST", 0.0)
+    segments, fit = _longest(bench.machine, Numerics.of(bench.machine, 1), bench.shooting.noise, 1.0)
+    assert (segments.scored[:, 1] - segments.scored[:, 0]).max() < 24
+    assert len(fit.per_segment) == segments.size

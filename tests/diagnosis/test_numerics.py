@@ -17,12 +17,16 @@ def machine(bench, integrator: str, step: float):
     return dataclasses.replace(bench.machine, model=mujoco.MjModel.from_xml_string(text))
 
 
-def test_the_three_forms_of_a_model(bench) -> None:
+def test_the_forms_of_a_model(bench) -> None:
     made = Numerics.of(machine(bench, "Euler", 0.001), 1)
     assert (made.given.model.opt.integrator, made.given.substeps) == (EULER, 10)
-    assert (made.fine.model.opt.integrator, made.fine.substeps) == (RK4, 2)
+    assert (made.fine.model.opt.integrator, made.fine.substeps) == (RK4, 10)
+    assert (made.middle.model.opt.integrator, made.middle.substeps) == (RK4, 2)
     assert (made.coarse.model.opt.integrator, made.coarse.substeps) == (EULER, 2)
-    assert Numerics.of(machine(bench, "RK4", 0.005), 1).coarse.model.opt.integrator == FAST
+    made = Numerics.of(machine(bench, "RK4", 0.005), 1)
+    assert made.coarse.model.opt.integrator == FAST
+    assert made.fine is made.given
+    assert made.middle is made.fine
 
 
 def test_a_coarsely_integrated_model_yields_to_the_fine_one(clean) -> None:
