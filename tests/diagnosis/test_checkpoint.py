@@ -2,6 +2,7 @@ from __future__ import annotations
 
 import dataclasses
 import json
+import os
 import pickle
 from collections.abc import Callable
 
@@ -132,6 +133,66 @@ def test_a_full_disk_stops_nothing(tmp_path, caplog) -> None:
     (tmp_path / "file").write_text("")
     assert opened(tmp_path / "file" / ".progress").once("a", lambda: 1) == 1
     assert "is not kept" in caplog.text
+
+
+def test_what_another_process_writes_meanwhile_is_not_taken_for_ones_own(path, monkeypatch) -> None:
+    replace = os.replace
+
+    def late(source, target) -> None:
+        replace(source, target)
+        path.write_bytes(b"k a\n" + pickle.dumps("theirs"))
+
+    monkeypatch.setattr(os, "replace", late)
+    assert opened(path).once("a", lambda: "ours") == "ours"
+    between = opened(path)
+    assert between.stage == "a"
+    for header in (b"other a\n", b"k b\n"):
+        path.write_bytes(header + pickle.dumps("theirs"))
+        between.stage = "a"
+        assert between.once("a", lambda: "ours") == "ours"
+
+
+def test_two_processes_at_once_have_temporary_files_of_their_own(path, monkeypatch) -> None:
+    names, replace = [], os.replace
+    monkeypatch.setattr(os, "replace", lambda source, target: (names.append(source), replace(source, target)))
+    for _ in range(2):
+        opened(path).once("b", lambda: 1)
+        path.unlink()
+    assert len(set(names)) == 2
+
+
+@pytest.mark.parametrize("error", [OSError, KeyboardInterrupt])
+def test_an_interrupted_write_leaves_what_was_kept_before(path, monkeypatch, error) -> None:
+    opened(path).once("a", lambda: 1)
+
+    def stop(source, target) -> None:
+        raise error
+
+    monkeypatch.setattr(os, "replace", stop)
+    checkpoint = opened(path)
+    if error is OSError:
+        assert checkpoint.once("b", lambda: 2) == 2
+    else:
+        with pytest.raises(KeyboardInterrupt):
+            checkpoint.once("b", lambda: 2)
+    assert [item.name for item in path.parent.iterdir()] == [".progress"]
+    assert opened(path).once("a", fail) == 1
+
+
+def test_a_stage_that_cannot_be_read_is_removed(path) -> None:
+    opened(path).once("a", lambda: 1)
+    path.write_bytes(path.read_bytes()[:-1])
+    with pytest.raises(KeyError):
+        opened(path).once("a", lambda: {}["nothing"])
+    assert not path.exists()
+
+
+def test_a_file_that_cannot_be_opened_keeps_nothing(path, caplog) -> None:
+    path.mkdir(parents=True)
+    checkpoint = opened(path)
+    assert checkpoint.stage is None
+    assert "cannot be read" in caplog.text
+    assert checkpoint.once("a", lambda: 1) == 1
 
 
 @pytest.fixture(scope="module")

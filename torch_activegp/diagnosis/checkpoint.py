@@ -3,19 +3,24 @@
 from __future__ import annotations
 
 import dataclasses
+import io
 import logging
+import os
 import pickle
+import tempfile
 from collections.abc import Callable, Iterable
+from contextlib import suppress
 from pathlib import Path
 from typing import Any, BinaryIO, TypeVar
 
-from torch_activegp.diagnosis.result import written_whole
 from torch_activegp.physics.effect import Effect
 
 _logger = logging.getLogger(__name__)
 _ARRAYS = frozenset({"ndarray", "dtype", "_reconstruct", "scalar"})
 _OURS = "torch_activegp.diagnosis."
 _PROTOCOL = 4
+_UNFIT = (pickle.PickleError, EOFError, AttributeError, IndexError, TypeError, ValueError)
+"""What pickle raises at a value that it cannot hold, or at bytes that it cannot read."""
 Value = TypeVar("Value")
 
 
@@ -30,10 +35,12 @@ class Checkpoint:
         path: of the file; None to keep nothing.
 
     Example:
-        >>> checkpoint = Checkpoint("out/.progress")
-        >>> # diagnosis = diagnose("arm.xml", recordings, checkpoint=checkpoint)
-        >>> # diagnosis.save("out")
-        >>> checkpoint.clear()
+        >>> from tempfile import TemporaryDirectory
+        >>> with TemporaryDirectory() as out:
+        ...     checkpoint = Checkpoint(f"{out}/.progress")
+        ...     # diagnosis = diagnose("arm.xml", recordings, checkpoint=checkpoint)
+        ...     # diagnosis.save(out)
+        ...     checkpoint.clear()
     """
 
     def __init__(self, path: Path | str | None = None) -> None:
@@ -52,9 +59,8 @@ class Checkpoint:
             key: one word for the whole input; what was kept under another one does not count.
         """
         self._key, self.stage = key, None
-        if self.path is not None and self.path.is_file():
-            with self.path.open("rb") as file:
-                found, _, stage = file.readline().decode("utf-8", "replace").rstrip("\n").partition(" ")
+        if self.path is not None:
+            found, stage = kept(self.path)
             self.stage = stage if found == key else None
 
     def share(self, objects: Iterable[object]) -> None:
@@ -65,20 +71,25 @@ class Checkpoint:
         """The value of a stage: what an earlier call kept, or else what is computed, which is kept then.
 
         A stage takes the place of the one before, so a computation asks for its last stage first, and that for what it
-        needs. The value comes from the file in either case: whatever follows cannot tell whether it was interrupted.
+        needs. The value is unpickled in either case, here from the same bytes that go to the file: whatever follows
+        cannot tell whether it was interrupted, nor what another process wrote meanwhile.
         """
         if self.path is None or self._key is None:
             return compute()
         if self.stage == stage:
-            found, self.stage = self._read(), None
+            found, self.stage = self._read(stage), None
             if found:
                 self.stage = self.resumed = stage
                 return found[0]
         value = compute()
-        if self._write(stage, value):
-            found = self._read()
-            return found[0] if found else value
-        return value
+        try:
+            pickled = self._pickled(value)
+            same: Value = self._unpickled(pickled)
+        except _UNFIT as error:
+            _logger.warning("%s is not kept: %s", stage, error)
+            return value
+        self._write(stage, pickled)
+        return same
 
     def clear(self) -> None:
         """Removes the file."""
@@ -86,29 +97,65 @@ class Checkpoint:
             self.path.unlink(missing_ok=True)
         self.stage = None
 
-    def _write(self, stage: str, value: object) -> bool:
+    def _header(self, stage: str) -> bytes:
+        return f"{self._key} {stage}\n".encode()
+
+    def _pickled(self, value: object) -> bytes:
+        file = io.BytesIO()
+        _Pickler(file, self._shared).dump(value)
+        return file.getvalue()
+
+    def _unpickled(self, pickled: bytes) -> Any:
+        return _Unpickler(io.BytesIO(pickled), self._shared).load()
+
+    def _write(self, stage: str, pickled: bytes) -> None:
+        """Puts a stage in the file, if the disk allows it."""
         assert self.path is not None
         try:
             self.path.parent.mkdir(parents=True, exist_ok=True)
-            with written_whole(self.path) as temporary, temporary.open("wb") as file:
-                file.write(f"{self._key} {stage}\n".encode())
-                _Pickler(file, self._shared).dump(value)
-        except (OSError, pickle.PicklingError, TypeError, AttributeError) as error:
+            _replace(self.path, self._header(stage) + pickled)
+        except OSError as error:
             _logger.warning("%s is not kept: %s", stage, error)
-            return False
-        self.stage = stage
-        return True
+        else:
+            self.stage = stage
 
-    def _read(self) -> list[Any]:
-        """The value in the file, alone in a list; an empty list where it cannot be read."""
+    def _read(self, stage: str) -> list[Any]:
+        """The value in the file, alone in a list; an empty list where it is another's or cannot be read."""
         assert self.path is not None
         try:
-            with self.path.open("rb") as file:
-                file.readline()
-                return [_Unpickler(file, self._shared).load()]
-        except (OSError, EOFError, pickle.UnpicklingError, AttributeError, IndexError, TypeError, ValueError) as error:
+            header, _, pickled = self.path.read_bytes().partition(b"\n")
+            return [self._unpickled(pickled)] if header + b"\n" == self._header(stage) else []
+        except (OSError, *_UNFIT) as error:
             _logger.warning("%s cannot be read: %s", self.path, error)
+            with suppress(OSError):
+                self.path.unlink(missing_ok=True)
             return []
+
+
+def kept(path: Path) -> tuple[str | None, str | None]:
+    """The key and the stage of what a file keeps; None for both where there is none."""
+    try:
+        with path.open("rb") as file:
+            key, _, stage = file.readline().decode("utf-8", "replace").rstrip("\n").partition(" ")
+    except FileNotFoundError:
+        return None, None
+    except OSError as error:
+        _logger.warning("%s cannot be read: %s", path, error)
+        return None, None
+    return key, stage
+
+
+def _replace(path: Path, content: bytes) -> None:
+    """Writes a file whole, under a name of its own first."""
+    number, name = tempfile.mkstemp(dir=path.parent, prefix=f"{path.name}.")
+    try:
+        with os.fdopen(number, "wb") as file:
+            file.write(content)
+            file.flush()
+            os.fsync(file.fileno())
+        os.replace(name, path)
+    finally:
+        Path(name).unlink(missing_ok=True)
 
 
 class _Pickler(pickle.Pickler):
