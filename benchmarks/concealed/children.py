@@ -108,6 +108,7 @@ def run_children(tasks: Iterable[Task], jobs: int, limit: float, preload: Sequen
 def _start(context: Any, task: Task, limit: float) -> _Child:
     report, tell = context.Pipe()
     task.log.parent.mkdir(parents=True, exist_ok=True)
+    task.log.write_bytes(b"")  # there to be read, however early the process dies
     process = context.Process(target=_work, args=(task, tell, limit), daemon=True)
     process.start()
     tell.close()

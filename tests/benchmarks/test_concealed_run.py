@@ -94,6 +94,21 @@ def test_what_crashes_or_takes_too_long_costs_only_itself(tmp_path: Path) -> Non
     assert sorted(retried) == ["error", "killed", "leaves", "silent"]
 
 
+class Unreadable:
+    """Kills the process that unpickles it."""
+
+    def __reduce__(self) -> tuple[object, tuple[int]]:
+        return os._exit, (7,)
+
+
+def test_a_child_that_dies_before_it_begins_costs_only_itself(tmp_path: Path) -> None:
+    early = Task("early", good, (Unreadable(),), tmp_path / "new" / "a")
+    fine = Task("fine", good, (tmp_path, tmp_path), tmp_path / "b")
+    ended = {e.task.name: e.failure for e in run_children([early, fine], jobs=1, limit=60.0, preload=(__name__,))}
+    assert "exit code 7" in str(ended["early"])
+    assert ended["fine"] is None
+
+
 def note(out: Path) -> None:
     (out / "pid").write_text(str(os.getpid()))
     time.sleep(60)
