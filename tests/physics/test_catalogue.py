@@ -69,6 +69,8 @@ def test_a_users_class_is_tried_wherever_it_can_act(bench: Any) -> None:
     [
         ([ViscousFriction], "the name 'viscous_friction' of ViscousFriction is taken"),
         ([type("Rub", (ViscousFriction,), {"name": "rub"})] * 2, "the name 'rub' of Rub is taken"),
+        ([type("Off", (SensorBias,), {})], "the name 'sensor_bias' of Off is taken"),
+        ([type("Mine", (ViscousFriction,), {"name": "actuator_gain"})], "the name 'actuator_gain' of Mine is taken"),
         ([Effect], "a class wanted that is a JointEffect, an ActuatorEffect or a SensorEffect .* found .*Effect"),
         ([JointEffect], "has a name and a method `at`, found .*JointEffect"),
         (["rub"], "a class wanted .* found 'rub'"),

@@ -24,6 +24,8 @@ from torch_activegp.physics.sensing import SENSING, SensorEffect
 from torch_activegp.physics.springs import POSITION_FORCES
 
 JOINT_EFFECTS = (*FRICTION, *POSITION_FORCES, *MEMORY, ArmatureError)
+_BODY_EFFECTS = (PayloadMass, DensityError, CenterOfMassOffset)
+_LISTED: tuple[type[Effect], ...] = (*JOINT_EFFECTS, Backlash, *ACTUATION, *SENSING, *_BODY_EFFECTS, GravityError)
 
 
 def catalogue(
@@ -55,10 +57,12 @@ def catalogue(
     effects += body_effects(model)
     effects += [GravityError.along(axis) for axis in range(3)]
     places = {JointEffect: joints, ActuatorEffect: actuators, SensorEffect: sensors}
+    taken = {kind.name for kind in _LISTED}
     for kind in more:
         acts_on = _places_of(kind, places)
-        if kind.name in {effect.name for effect in effects}:
+        if kind.name in taken:
             raise ConfigurationError(f"effects: the name {kind.name!r} of {kind.__name__} is taken. Give it another.")
+        taken.add(kind.name)
         effects += [kind.at(place, model) for place in acts_on]  # type: ignore[attr-defined]
     return effects
 
