@@ -77,6 +77,7 @@ class Fake:
     found: dict[str, Any]
     error: BaseException | None = None
     keeps: bool = False
+    key: str = "k"
     saved: BaseException | None = None
     calls: list[dict[str, Any]] = dataclasses.field(default_factory=list)
 
@@ -93,7 +94,7 @@ class Fake:
     ) -> Fake:
         assert tell is not None
         assert checkpoint is not None
-        checkpoint.open("k")
+        checkpoint.open(self.key)
         checkpoint.once("naming", lambda: 1) if self.keeps else None
         tell("noise floor", None)
         tell("naming", 0.5)
@@ -227,6 +228,21 @@ def test_ctrl_c_after_a_stage_says_how_it_goes_on(run: Run, folder: Path, fake: 
         assert "Went on from an interrupted call, after naming." in result.stderr
         assert {path.name for path in (folder / name).iterdir()} == RESULTS
     assert len(list((folder / "runs").iterdir())) == 1
+
+
+def test_other_input_leaves_the_progress_of_an_interrupted_call_alone(run: Run, folder: Path, fake: Fake) -> None:
+    fake.keeps, fake.error = True, KeyboardInterrupt()
+    assert run("diagnose", "slide.xml", "a.csv").exit_code == 130
+    kept = (folder / "runs" / "diagnose-slide" / ".progress").read_bytes()
+    fake.key, fake.error = "other", None
+    result = run("diagnose", "slide.xml", "b.csv")
+    assert result.exit_code == 0
+    assert "Went on" not in result.stderr
+    assert (folder / "runs" / "diagnose-slide" / ".progress").read_bytes() == kept
+    assert {path.name for path in (folder / "runs" / "diagnose-slide-2").iterdir()} == RESULTS
+    fake.key = "k"
+    assert "Went on" in run("diagnose", "slide.xml", "a.csv").stderr
+    assert {path.name for path in (folder / "runs" / "diagnose-slide").iterdir()} == RESULTS
 
 
 def test_an_interruption_between_two_results_is_none_of_earlier_results(run: Run, folder: Path, fake: Fake) -> None:

@@ -77,20 +77,28 @@ def diagnose(
         "seed": seed,
     }
     name = Path(model).stem if Path(model).is_file() else model
-    folder = out or next_free(output_folder(None, "diagnose", name), _is_unfinished)
+    usual = output_folder(None, "diagnose", name)
+    folder = out or next_free(usual, _is_unfinished)
     check_free(folder, [_LAST] if _is_unfinished(folder) else _RESULTS)
     simulator = find_model(model)
     fit, test = load_apart(recordings, holdout or [], columns)
     from torch_activegp.diagnosis import Checkpoint
     from torch_activegp.diagnosis import diagnose as diagnose_from
+    from torch_activegp.diagnosis.checkpoint import kept
 
-    checkpoint = Checkpoint(folder / _PROGRESS)
-    with _going_on(checkpoint, folder):
+    def place(key: str) -> Path:
+        own = out or next_free(usual, lambda path: _is_unfinished(path) and kept(path / _PROGRESS)[0] == key)
+        return own / _PROGRESS
+
+    checkpoint = Checkpoint(place)
+    with _going_on(checkpoint):
         with one_thread(), StageProgress(console, "diagnosing") as progress:
             diagnosis = diagnose_from(
                 simulator, fit, test, seed=seed, nthread=threads, tell=progress.tell, checkpoint=checkpoint
             )
         found = diagnosis.to_dict()
+        assert checkpoint.path is not None
+        folder = checkpoint.path.parent
         with results_in(folder):
             diagnosis.save(folder)
             write_report(found, diagnosis.evidence, folder / "report.html")
@@ -113,14 +121,17 @@ def _is_unfinished(folder: Path) -> bool:
 
 
 @contextmanager
-def _going_on(checkpoint: Checkpoint, folder: Path) -> Iterator[None]:
+def _going_on(checkpoint: Checkpoint) -> Iterator[None]:
     """Say after Ctrl-C how the diagnosis goes on."""
     try:
         yield
     except KeyboardInterrupt as error:
-        if checkpoint.stage is None:
+        if checkpoint.stage is None or checkpoint.path is None:
             raise
-        _say(f"Interrupted. {folder} keeps what is done: the same command goes on from there.", to=console)
+        _say(
+            f"Interrupted. {checkpoint.path.parent} keeps what is done: the same command goes on from there.",
+            to=console,
+        )
         raise typer.Exit(INTERRUPTED) from error
 
 

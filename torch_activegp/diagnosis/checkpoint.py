@@ -32,7 +32,7 @@ class Checkpoint:
     cleared, so that nothing is lost before the result is saved.
 
     Args:
-        path: of the file; None to keep nothing.
+        path: of the file, or a function that gives it for the key of the input; None to keep nothing.
 
     Example:
         >>> from tempfile import TemporaryDirectory
@@ -43,8 +43,9 @@ class Checkpoint:
         ...     checkpoint.clear()
     """
 
-    def __init__(self, path: Path | str | None = None) -> None:
-        self.path = None if path is None else Path(path)
+    def __init__(self, path: Path | str | Callable[[str], Path] | None = None) -> None:
+        self._place = path if callable(path) else None
+        self.path = None if path is None or callable(path) else Path(path)
         self.stage: str | None = None
         """The last stage that is kept."""
         self.resumed: str | None = None
@@ -59,6 +60,8 @@ class Checkpoint:
             key: one word for the whole input; what was kept under another one does not count.
         """
         self._key, self.stage = key, None
+        if self._place is not None:
+            self.path = self._place(key)
         if self.path is not None:
             found, stage = kept(self.path)
             self.stage = stage if found == key else None
