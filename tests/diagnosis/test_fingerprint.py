@@ -7,10 +7,11 @@ import numpy as np
 import pytest
 
 from torch_activegp.diagnosis.blackbox import BlackBox, accelerations
-from torch_activegp.diagnosis.fingerprint import fingerprint
+from torch_activegp.diagnosis.fingerprint import _code_of, _word, fingerprint
 from torch_activegp.diagnosis.machine import make_machine
 from torch_activegp.diagnosis.places import effects_for
 from torch_activegp.diagnosis.source import read_source
+from torch_activegp.physics.friction import ViscousFriction
 
 
 @pytest.fixture(scope="module")
@@ -70,6 +71,60 @@ def test_a_users_class_is_known_by_its_source(parts, tmp_path, monkeypatch) -> N
 
     assert word(2) != word(3)
     assert word(2) == word(2)
+
+
+def test_a_users_class_is_known_by_the_files_of_those_above_it_and_by_its_own_fields(tmp_path, monkeypatch) -> None:
+    """A law may be inherited, and may have constants."""
+    monkeypatch.syspath_prepend(tmp_path)
+
+    def made(name: str, factor: int):
+        (tmp_path / f"{name}_base.py").write_text(
+            "from torch_activegp.physics.friction import ViscousFriction\n"
+            f"FACTOR = {factor}\n"
+            "class Base(ViscousFriction):\n    def force(self, q, v, c): return -FACTOR * c[0] * v\n"
+        )
+        (tmp_path / f"{name}.py").write_text(
+            f"import dataclasses\nfrom {name}_base import Base\n"
+            "@dataclasses.dataclass(frozen=True, eq=False)\n"
+            "class Law(Base):\n    name = 'law'\n    power: float = 1.0\n"
+        )
+        importlib.invalidate_caches()
+        return importlib.import_module(name).Law
+
+    first, second = made("lawa", 2), made("lawb", 3)
+    (tmp_path / "lawb.py").write_bytes((tmp_path / "lawa.py").read_bytes())
+    common = {"target": "joint:hip", "parameters": (), "seeds": np.zeros((1, 0)), "dof": 0}
+    names = {field.name for field in dataclasses.fields(first)}
+    common = {name: value for name, value in common.items() if name in names}
+    assert _word(first(**common)) == _word(first(**common))
+    assert _word(first(**common)) != _word(second(**common))
+    assert _word(first(**common)) != _word(first(**common, power=2.0))
+
+
+def test_a_class_without_source_is_never_the_same_again() -> None:
+    kind = type("Typed", (ViscousFriction,), {"name": "typed", "__module__": "nowhere"})
+    names = {field.name for field in dataclasses.fields(kind)}
+    values = {"target": "joint:hip", "parameters": (), "seeds": np.zeros((1, 0)), "dof": 0}
+    effect = kind(**{name: value for name, value in values.items() if name in names})
+    assert _word(effect) != _word(effect)
+
+
+def test_the_package_is_known_by_its_code(tmp_path) -> None:
+    words = []
+    for content in ("a = 1", "a = 2"):
+        folder = tmp_path / content[-1]
+        (folder / "inner").mkdir(parents=True)
+        (folder / "inner" / "a.py").write_text(content)
+        words.append(_code_of(folder))
+    assert words[0] != words[1]
+
+
+def test_only_values_of_known_kinds_are_taken(tmp_path) -> None:
+    assert _word({1, "b"}) == _word({"b", 1})
+    values = [None, True, 1, 1.0, "1", tmp_path, {"a": 1}, {"a": 2}, {"a"}, set(), ["a"], {"b": 1}]
+    assert len({_word(value) for value in values}) == len(values)
+    with pytest.raises(TypeError, match="a known kind wanted, found a object"):
+        _word({"a": [object()]})
 
 
 def test_another_version_of_the_package_is_another(parts, monkeypatch) -> None:

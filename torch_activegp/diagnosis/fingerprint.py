@@ -5,8 +5,12 @@ from __future__ import annotations
 import dataclasses
 import hashlib
 import inspect
+import secrets
+import sys
 from collections.abc import Sequence
+from functools import cache
 from importlib.metadata import version
+from pathlib import Path
 from typing import Any
 
 import mujoco
@@ -17,11 +21,12 @@ from torch_activegp.diagnosis.machine import Machine
 from torch_activegp.diagnosis.source import Source
 from torch_activegp.physics.effect import Effect
 
-_PACKAGES = ("torch-activegp", "mujoco", "numpy", "scipy", "torch", "gpytorch")
+_PACKAGES = ("mujoco", "numpy", "scipy", "torch", "gpytorch")
+_OURS = Path(__file__).resolve().parents[1]
 
 
 def fingerprint(source: Source, machine: Machine, effects: Sequence[Effect], *options: object) -> str:
-    """A digest of model, recordings, effects, options and the versions of the packages that compute with them.
+    """A digest of model, recordings, effects, options, this package's code and the versions of what it computes with.
 
     A black box is known by what it returns for the recorded states and controls.
 
@@ -34,7 +39,8 @@ def fingerprint(source: Source, machine: Machine, effects: Sequence[Effect], *op
     digest = hashlib.sha256()
     answers = [] if source.box is None else [source.box.name, source.box.simulator.dt, *_answers(source.box, machine)]
     without = [dataclasses.replace(source, box=None), dataclasses.replace(machine, box=None)]
-    _feed(digest, [*(version(name) for name in _PACKAGES), *without, *answers, list(effects), *options])
+    versions = [_code_of(_OURS), tuple(sys.version_info), *(version(name) for name in _PACKAGES)]
+    _feed(digest, [*versions, *without, *answers, list(effects), *options])
     return digest.hexdigest()
 
 
@@ -47,8 +53,10 @@ def _feed(digest: Any, value: object) -> None:
         digest.update(f"{len(value)}:".encode())
         for item in value:
             _feed(digest, item)
-    else:
+    elif value is None or isinstance(value, bool | int | float | str | Path):
         digest.update(f"{type(value).__name__} {value!r};".encode())
+    else:
+        raise TypeError(f"A value of a known kind wanted, found a {type(value).__qualname__}: {value!r}.")
 
 
 def _plain(value: object) -> object:
@@ -60,21 +68,51 @@ def _plain(value: object) -> object:
     if isinstance(value, mujoco.MjSpec):
         return value.to_xml()
     if isinstance(value, Effect):
-        kind = [value.name, value.target, value.variant, value.linear, _code(type(value))]
-        return [*kind, value.seeds, *value.parameters]
+        return [value.name, *_sources(type(value)), *_fields(value)]
     if dataclasses.is_dataclass(value):
-        return [type(value).__name__, *(getattr(value, field.name) for field in dataclasses.fields(value))]
-    return value
+        return [type(value).__name__, *_fields(value)]
+    if isinstance(value, dict):
+        return ["dict", *([key, item] for key, item in value.items())]
+    if isinstance(value, set | frozenset):
+        return ["set", *sorted(_word(item) for item in value)]
+    return value.item() if isinstance(value, np.generic) else value
 
 
-def _code(kind: type) -> str:
-    """The source of a user's class; what it computes is not in its values. Ours go with the version."""
-    if kind.__module__.startswith("torch_activegp."):
-        return kind.__qualname__
+def _fields(value: Any) -> list[object]:
+    return [getattr(value, field.name) for field in dataclasses.fields(value)]
+
+
+def _word(value: object) -> str:
+    digest = hashlib.sha256()
+    _feed(digest, value)
+    return digest.hexdigest()
+
+
+def _sources(kind: type) -> list[str]:
+    """The files of a user's class and of all above it; what they compute is not in its values. Ours are known."""
+    return [kind.__qualname__, *(_source(base) for base in kind.__mro__ if not _is_known(base))]
+
+
+def _is_known(kind: type) -> bool:
+    return kind is object or kind.__module__.startswith("torch_activegp.")
+
+
+def _source(kind: type) -> str:
     try:
-        return inspect.getsource(kind)
+        inspect.getsource(kind)
+        return hashlib.sha256(Path(inspect.getfile(kind)).read_bytes()).hexdigest()
     except (OSError, TypeError):  # typed in, and nowhere to be read
-        return repr(id(kind))
+        return secrets.token_hex()
+
+
+@cache
+def _code_of(folder: Path) -> str:
+    """A digest of a package's code."""
+    digest = hashlib.sha256()
+    for path in sorted(folder.rglob("*.py")):
+        content = path.read_bytes()
+        digest.update(f"{path.relative_to(folder)} {len(content)};".encode() + content)
+    return digest.hexdigest()
 
 
 def _answers(box: BlackBox, machine: Machine) -> list[object]:
