@@ -88,6 +88,9 @@ def test_what_has_not_settled_yet_is_left_out(make) -> None:
         "no filter makes such a colour",
         "there is hardly any noise",
         "there is too little of it",
+        "it alternates",
+        "it alternates a little",
+        "the clock is uneven",
     ],
 )
 def test_in_doubt_there_is_no_answer_and_the_floor_is_what_it_was(make, why) -> None:
@@ -101,11 +104,28 @@ def test_in_doubt_there_is_no_answer_and_the_floor_is_what_it_was(make, why) -> 
         "no filter makes such a colour": lambda: make(add=hum),
         "there is hardly any noise": lambda: make(add=-coloured((0.0, 0.0), 600) * (1 - 1e-3)),
         "there is too little of it": lambda: make(periods=4, period=30),
+        "it alternates": lambda: make(add=0.02 * np.sin(np.pi * k / 50)),
+        "it alternates a little": lambda: make(add=1.2 * SIGMA * np.sin(np.pi * k / 50)),
+        "the clock is uneven": lambda: uneven(make, 0.005),
     }[why]()
     assert repetition(run) is not None
     assert noise_from_periods([run], 0) is None
     wobbling = dataclasses.replace(run, control=run.control + 0.01 * rng.normal(size=run.control.shape))
     assert noise_floor([run]).scale == noise_floor([wobbling]).scale
+
+
+def uneven(make: Make, part: float) -> Run:
+    """A run whose rows are that part of a time step early or late, on a motion that goes on evenly."""
+    late = part * np.random.default_rng(3).uniform(-1.0, 1.0, 600)
+    exact = harmonics(600, 50, 7)
+    run = make(add=late * np.gradient(exact))
+    return dataclasses.replace(run, time=run.time + late / 25, velocity=25 * np.gradient(exact)[:, None])
+
+
+def test_a_clock_that_is_even_enough_for_the_speed_will_do(make) -> None:
+    found = noise_from_periods([uneven(make, 1e-4)], 0)
+    assert found is not None
+    assert found[1] == pytest.approx(SIGMA, rel=0.1)
 
 
 def test_one_run_that_repeats_is_enough_and_the_others_are_not_asked(make) -> None:

@@ -19,8 +19,13 @@ _EXACT = 1e-9
 _FINE = 0.01
 _JITTER = 0.02
 _SHRINKS = 1.25
-_APART = -0.25
-"""Differences of noise between neighbouring periods correlate by -0.5, those of what settles slowly by up to 1."""
+_APART, _NEAR = -0.5, 0.25
+"""Differences of noise between neighbouring periods correlate by about -0.5, those of what settles slowly by up to 1,
+those of what alternates by -1; those two periods apart do not correlate."""
+_BLOCKS = 4
+"""Differences of fewer periods say nothing about those two periods apart."""
+_CLOCK = 0.3
+"""What the clock's drift over a period moves the machine by stays below this part of the noise."""
 _CORRELATED = 0.3
 _CHAOS = 0.1
 _FINEST = 3e-5
@@ -34,8 +39,9 @@ def noise_from_periods(runs: Sequence[Run], channel: int) -> tuple[tuple[float, 
     Where the controls repeat and the motion has settled, the motion repeats too, however fast it is: half the variance
     of the difference is the noise's, at all frequencies, and for slow recordings too. In doubt there is no answer, and
     differences within the signal decide, which need no assumption about the machine: where the motion still settles or
-    drifts, does not repeat (a chaotic one), is quantised more coarsely than the noise, or where the difference is not
-    of a colour that a filter in an encoder gives. Controls that a loop makes from noisy positions do not repeat.
+    drifts, does not repeat (a chaotic one) or only after two periods, where the clock is too uneven for its speed, is
+    quantised more coarsely than the noise, or where the difference is not of a colour that a filter in an encoder
+    gives. Controls that a loop makes from noisy positions do not repeat.
 
     Args:
         runs: at least one.
@@ -56,6 +62,8 @@ def noise_from_periods(runs: Sequence[Run], channel: int) -> tuple[tuple[float, 
     motion = min(float(run.position[:, channel].std()) for run, _ in found)
     step = max(quantum(torch.from_numpy(np.sqrt(2.0) * series)) for _, series in found)
     if not max(step, _FINEST * motion) < scale < _CHAOS * motion or not _is_white(found, poles):
+        return None
+    if max(_clock_error(run, channel) for run, _ in found) > _CLOCK * scale:
         return None
     return poles, scale
 
@@ -91,10 +99,31 @@ def _settled(run: Run, channel: int) -> Array | None:
     for start in range(len(blocks) - 1):
         rest = blocks[start:]
         level = (rest**2).mean(axis=1)
-        alike = (rest[1:] * rest[:-1]).sum() / max(np.sqrt((rest[1:] ** 2).sum() * (rest[:-1] ** 2).sum()), 1e-300)
-        if level[0] <= _SHRINKS**2 * level[1:].mean() and alike < _APART:
+        if level[0] <= _SHRINKS**2 * level[1:].mean() and _differs_like_noise(rest):
             return np.asarray(rest.ravel())
     return None
+
+
+def _differs_like_noise(blocks: Array) -> bool:
+    """Whether differences between neighbouring periods, one a row, correlate as those of noise do."""
+    if abs(_alike(blocks, 1) - _APART) > _NEAR:
+        return False
+    return len(blocks) < _BLOCKS or abs(_alike(blocks, 2)) < _NEAR
+
+
+def _alike(blocks: Array, lag: int) -> float:
+    late, early = blocks[lag:], blocks[:-lag]
+    return float((late * early).sum() / max(np.sqrt((late**2).sum() * (early**2).sum()), 1e-300))
+
+
+def _clock_error(run: Run, channel: int) -> float:
+    """How far the machine typically moves in the time by which periods differ in length."""
+    repeat = repetition(run)
+    if repeat is None:
+        return 0.0
+    first, period = repeat
+    lengths = run.time[first + period :] - run.time[first:-period]
+    return float(lengths.std() * np.sqrt(np.mean(run.velocity[first:, channel] ** 2)))
 
 
 def repetition(run: Run) -> tuple[int, int] | None:
