@@ -96,6 +96,8 @@ def test_what_has_not_settled_yet_is_left_out(make) -> None:
 def test_in_doubt_there_is_no_answer_and_the_floor_is_what_it_was(make, why) -> None:
     k, rng = np.arange(600), np.random.default_rng(5)
     hum = 20 * SIGMA * np.cos(2 * np.pi * 0.21 * k + np.cumsum(0.1 * rng.normal(size=600)))
+    once = rng.normal(size=50)
+    other = np.tile([*once, *-once], 6)
     run = {
         "it still settles": lambda: make(add=np.exp(-k / 400)),
         "it drifts": lambda: make(add=1e-3 * k),
@@ -104,8 +106,8 @@ def test_in_doubt_there_is_no_answer_and_the_floor_is_what_it_was(make, why) -> 
         "no filter makes such a colour": lambda: make(add=hum),
         "there is hardly any noise": lambda: make(add=-coloured((0.0, 0.0), 600) * (1 - 1e-3)),
         "there is too little of it": lambda: make(periods=4, period=30),
-        "it alternates": lambda: make(add=0.02 * np.sin(np.pi * k / 50)),
-        "it alternates a little": lambda: make(add=1.2 * SIGMA * np.sin(np.pi * k / 50)),
+        "it alternates": lambda: make(add=5.0 * SIGMA * other),
+        "it alternates a little": lambda: make(add=0.6 * SIGMA * other),
         "the clock is uneven": lambda: uneven(make, 0.005),
     }[why]()
     assert repetition(run) is not None

@@ -96,7 +96,8 @@ def _settled(run: Run, channel: int) -> Array | None:
     position = run.position[first:, channel]
     differences = (position[period:] - position[:-period]) / np.sqrt(2.0)
     blocks = differences[len(differences) % period :].reshape(-1, period)  # the last ones are the most settled
-    for start in range(len(blocks) - 1):
+    least = _BLOCKS if len(blocks) >= _BLOCKS else 2  # of so few, some look like noise by chance
+    for start in range(len(blocks) - least + 1):
         rest = blocks[start:]
         level = (rest**2).mean(axis=1)
         if level[0] <= _SHRINKS**2 * level[1:].mean() and _differs_like_noise(rest):
