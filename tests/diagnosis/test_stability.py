@@ -13,11 +13,12 @@ from torch_activegp.diagnosis.judge import Judgement
 from torch_activegp.diagnosis.machine import make_machine
 from torch_activegp.diagnosis.noise_model import NoiseModel
 from torch_activegp.diagnosis.places import effects_for
+from torch_activegp.diagnosis.refit import Refits, refit
 from torch_activegp.diagnosis.result import Stability
 from torch_activegp.diagnosis.segments import cut
 from torch_activegp.diagnosis.selection import Score, Selection
 from torch_activegp.diagnosis.shooting import Shooting
-from torch_activegp.diagnosis.stability import stability
+from torch_activegp.diagnosis.stability import _parts, stability
 
 ONE = ("viscous_friction",)
 
@@ -68,7 +69,7 @@ def test_an_effect_that_lives_off_one_recording_is_said_to(found_for) -> None:
     assert effect.rests_on == ("run1",)
     assert [gain is None for gain in effect.gains] == [False, True, False, False]
     assert not found.sound
-    assert "viscous_friction at joint:hip rests on run1 alone: the rest shows no sign of it" in found.sentence
+    assert "viscous_friction at joint:hip rests on run1 alone: the rest is not enough to name it" in found.sentence
 
 
 def test_a_recording_that_contradicts_the_others_is_said_to(found_for) -> None:
@@ -102,6 +103,37 @@ def test_one_recording_is_halved_and_that_is_said(found_for) -> None:
     assert found.left_out == ("the first half of run0", "the second half of run0")
     assert found.sentence.startswith("The one recording in two halves, each left out in turn")
     assert len(found.effects[0].gains) == 2
+
+
+def test_halves_are_halves_of_the_time_and_not_of_the_segments(bench) -> None:
+    segments = cut(bench.machine.fit[:1], 0.25, 0.1)
+    segments = segments.pick(np.arange(segments.size) > 1)
+    time, centers = segments.runs[0].time, segments.centers()
+    _, (second, first) = _parts(segments)
+    np.testing.assert_array_equal(first, centers < (time[0] + time[-1]) / 2)
+    np.testing.assert_array_equal(second, ~first)
+    assert first.sum() != second.sum()
+
+
+@pytest.mark.parametrize("which", ["without", "with"])
+def test_a_simulation_that_fails_is_not_a_part_that_says_nothing(found_for, monkeypatch, which) -> None:
+    def fails(shooting, fit, kept) -> Refits:
+        found = refit(shooting, fit, kept)
+        if bool(fit.effects) is (which == "with"):
+            found.per_segment[1, shooting.segments.run == 1] = np.inf
+        return found
+
+    monkeypatch.setattr("torch_activegp.diagnosis.stability.refit", fails)
+    found = found_for(["viscous"] * 3)
+    (effect,) = found.effects
+    if which == "without":
+        assert (effect.rests_on, effect.fails_without, effect.fails_with) == ((), ("run1",), ())
+        assert [gain is None for gain in effect.gains] == [False, True, False]
+        assert "improves 3 of 3" in found.sentence
+        assert found.sound
+    else:
+        assert (effect.fails_without, effect.fails_with) == ((), ("run1",))
+        assert "makes the forecast of run1 worse" in found.sentence
 
 
 def test_many_recordings_are_left_out_by_neighbours(found_for) -> None:

@@ -99,9 +99,11 @@ class EffectStability:
         name: as in :class:`NamedEffect`.
         target: as there.
         gains: by how much the effect, fitted to the others, lowers the chi2 of each recording that was left out, in
-            units of the noise; None where the others say nothing about the effect.
+            units of the noise; None where the others say nothing about the effect, or where a simulation fails.
         rests_on: recordings without which the effect would not have been worth its name.
         parameters: by name, over the fits that say something about the effect; empty where there is none.
+        fails_without: recordings that can be simulated with the effect, fitted to the others, and not without it.
+        fails_with: recordings that can be simulated without it alone.
     """
 
     name: str
@@ -109,6 +111,13 @@ class EffectStability:
     gains: tuple[float | None, ...]
     rests_on: tuple[str, ...]
     parameters: Mapping[str, Spread]
+    fails_without: tuple[str, ...] = ()
+    fails_with: tuple[str, ...] = ()
+
+    @property
+    def improved(self) -> int:
+        """The number of recordings that the effect, fitted to the others, forecasts better."""
+        return sum(gain is not None and gain > 0.0 for gain in self.gains) + len(self.fails_without)
 
 
 @dataclasses.dataclass(frozen=True)

@@ -54,7 +54,9 @@ def _parts(segments: Segments) -> tuple[list[str], NDArray[np.bool_]]:
     present = np.unique(segments.run)
     if len(present) == 1:
         name = segments.runs[present[0]].label
-        first = np.arange(segments.size) < segments.size // 2
+        centers, time = segments.centers(), segments.runs[present[0]].time
+        middle = (time[0] + time[-1]) / 2
+        first = centers < (middle if centers.min() < middle <= centers.max() else (centers.min() + centers.max()) / 2)
         return [f"the first half of {name}", f"the second half of {name}"], np.stack([~first, first])
     groups = np.array_split(present, min(len(present), _MOST))
     labels = [", ".join(segments.runs[number].label for number in group) for group in groups]
@@ -79,12 +81,16 @@ def _effect(
     gains = [
         None if alone or not np.isfinite(gain) else float(gain) for alone, gain in zip(rests, outside, strict=True)
     ]
+    fails = [np.where(rests, 0.0, outside) == end for end in (np.inf, -np.inf)]
+    without_it, with_it = (tuple(label for label, one in zip(labels, end, strict=True) if one) for end in fails)
     return EffectStability(
         effect.name,
         effect.target,
         tuple(gains),
         tuple(label for label, alone in zip(labels, rests, strict=True) if alone),
         _spreads(shooting, fit, effect, whole.values, [(i, label) for i, label in enumerate(labels) if not rests[i]]),
+        without_it,
+        with_it,
     )
 
 
@@ -111,11 +117,7 @@ def _spreads(
 
 def _in_words(labels: Sequence[str], effects: Sequence[EffectStability], single: bool) -> tuple[str, bool]:
     """The finding in a sentence, and whether it is no warning."""
-    counts = [
-        f"{effect.name} at {effect.target} improves {sum(gain is not None and gain > 0.0 for gain in effect.gains)} "
-        f"of {len(labels)}"
-        for effect in effects
-    ]
+    counts = [f"{effect.name} at {effect.target} improves {effect.improved} of {len(labels)}" for effect in effects]
     of = "The one recording in two halves, each left out in turn" if single else "Each recording left out in turn"
     said = f"{of} and forecast from the rest: {', '.join(counts)}"
     warnings = [words for effect in effects for words in _warnings(effect, labels)]
@@ -129,11 +131,12 @@ def _warnings(effect: EffectStability, labels: Sequence[str]) -> list[str]:
     name = f"{effect.name} at {effect.target}"
     out = []
     if len(effect.rests_on) == 1:
-        out.append(f"{name} rests on {effect.rests_on[0]} alone: the rest shows no sign of it")
+        out.append(f"{name} rests on {effect.rests_on[0]} alone: the rest is not enough to name it")
     elif effect.rests_on:
         out.append(f"the evidence for {name} is just enough: it needs each of {'; '.join(effect.rests_on)}")
     least = -_WORSE[0] - _WORSE[1] * sum(max(gain or 0.0, 0.0) for gain in effect.gains)
     worse = [label for label, gain in zip(labels, effect.gains, strict=True) if gain is not None and gain < least]
+    worse += effect.fails_with
     if worse:
         out.append(f"{name} fitted to the rest makes the forecast of {'; '.join(worse)} worse")
     out += [

@@ -32,7 +32,7 @@ def stability(diagnosis: Values, evidence: Values) -> Section | None:
 
 def _group(effect: Values, units: dict[Any, str]) -> dict[str, Any]:
     gains = effect.get("gains") or []
-    better = sum(is_number(gain) and gain > 0.0 for gain in gains)
+    better = sum(is_number(gain) and gain > 0.0 for gain in gains) + len(effect.get("fails_without") or [])
     return {
         "name": capital(effect_text(effect)),
         "forecasts": f"forecasts {better} of {len(gains)} better" if gains else "",
