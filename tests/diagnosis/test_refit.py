@@ -89,3 +89,37 @@ def test_where_every_trial_fails_the_values_stay(bench, without_one, monkeypatch
     assert len(calls) > 2
     np.testing.assert_array_equal(found.values, np.tile(fit.values[0], (2, 1)))
     np.testing.assert_allclose(found.per_segment[0], fit.per_segment, atol=0.2)
+
+
+def test_a_segment_whose_simulation_fails_at_first_is_not_perfect(bench, without_one, monkeypatch) -> None:
+    fit = bench.fit("viscous_friction", 0.05)
+    wanted, predict, calls = refit(bench.shooting, fit, without_one), bench.engine.predict, []
+
+    def fails_at_first(*arguments: object) -> object:
+        calls.append(1)
+        position, velocity = predict(*arguments)
+        position = np.array(position)
+        if len(calls) == 1:
+            position[:, 0] = np.nan
+        return position, velocity
+
+    monkeypatch.setattr(bench.engine, "predict", fails_at_first)
+    found = refit(bench.shooting, fit, without_one)
+    np.testing.assert_allclose(found.per_segment[:, 0], wanted.per_segment[:, 0], rtol=0.2)
+
+
+def test_after_a_step_that_fails_the_next_ones_are_whole_again(bench, without_one, monkeypatch) -> None:
+    fit = bench.fit("viscous_friction", 0.05)
+    far = dataclasses.replace(fit, values=(2.0 * fit.values[0],), design=None)
+    far = bench.shooting.fit([(fit.effects, far.values)], fit.starts, hold=True, rounds=1)[0]
+    wanted, predict, calls = refit(bench.shooting, fit, without_one), bench.engine.predict, []
+
+    def fails_once(*arguments: object) -> object:
+        calls.append(1)
+        position, velocity = predict(*arguments)
+        return (np.full_like(position, np.nan) if len(calls) == 2 else position), velocity
+
+    monkeypatch.setattr(bench.engine, "predict", fails_once)
+    found = refit(bench.shooting, far, without_one)
+    error = 1.0 / np.sqrt(fit.information[0, 0])
+    np.testing.assert_allclose(found.values, wanted.values, atol=0.1 * error)

@@ -91,7 +91,18 @@ def _derivatives(shooting: Shooting, fit: Fit) -> tuple[Array, Array]:
     states = np.repeat(fit.starts[None], len(candidates), axis=0)
     white = shooting.residuals(shooting.engine.predict(shooting.segments, states, candidates)[0])
     moved = -(white[1:] - white[0]) / steps[:, None, None]
-    return np.nan_to_num(white[0]), np.nan_to_num(moved).transpose(1, 2, 0)
+    return white[0], np.nan_to_num(moved, posinf=0.0, neginf=0.0).transpose(1, 2, 0)
+
+
+def _chi2(white: Array) -> Array:
+    """Chi2 of every segment ``(S,)`` from whitened residuals ``(S, M)``; infinite where the simulation fails."""
+    return np.nan_to_num((white**2).sum(axis=-1), nan=np.inf, posinf=np.inf)
+
+
+def _badness(per_segment: Array) -> tuple[int, float]:
+    """How many segments fail, and chi2 of the others."""
+    fails = np.isinf(per_segment)
+    return int(fails.sum()), float(per_segment[~fails].sum())
 
 
 class _Part:
@@ -105,14 +116,15 @@ class _Part:
         self._low = np.array([p.low for effect in fit.effects for p in effect.parameters])
         self._high = np.array([p.high for effect in fit.effects for p in effect.parameters])
         self._length = 1.0
-        self._accept(residual, (residual**2).sum(axis=-1))
+        self._accept(residual, _chi2(residual))
 
     def tell(self, white: Array) -> None:
         """Takes the whitened residuals ``(S, M)`` of the trial: accepts it, or blames segments or the step's length."""
-        per_segment = np.nan_to_num((white**2).sum(axis=-1), nan=np.inf)
+        per_segment = _chi2(white)
         worse = per_segment > self.per_segment + _WORSE
-        if per_segment[self.kept].sum() <= self.per_segment[self.kept].sum():
+        if _badness(per_segment[self.kept]) <= _badness(self.per_segment[self.kept]):
             self.values, self.starts = self.trial, self.trial_starts
+            self._length = min(1.0, self._length / _SHORTER)
             self._accept(white, per_segment)
         elif (self._follow[worse] == 1.0).any() and worse.mean() < _MANY:
             self._follow[worse] = 0.0
@@ -122,7 +134,7 @@ class _Part:
             self._propose()
 
     def _accept(self, residual: Array, per_segment: Array) -> None:
-        self._linear = eliminate(self._design, self._columns, np.nan_to_num(residual))
+        self._linear = eliminate(self._design, self._columns, np.nan_to_num(residual, posinf=0.0, neginf=0.0))
         self.per_segment = per_segment
         self._follow = np.ones(len(per_segment))
         self._propose()
@@ -135,5 +147,5 @@ class _Part:
         shift = self._follow[:, None] * linear.states(delta, self._reach)
         gain = 2 * gradient @ delta - delta @ normal @ delta
         settled = (np.einsum("smn,sm->sn", linear.basis, linear.residual) ** 2).sum() < _UNSETTLED / self._length
-        self.finished = bool(self._length * gain < _LITTLE and settled)
+        self.finished = bool(gain < _LITTLE and settled)
         self.trial, self.trial_starts = self.values + self._length * delta, self.starts + self._length * shift
