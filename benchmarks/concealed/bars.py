@@ -98,6 +98,7 @@ def _sets(rows: Sequence[Row]) -> list[Line]:
         lines.append((f"exact or genuinely tied, {words}", count(part, "tied")))
     sizes = [size for row in named for size in row["ties"]]
     lines.append(("cases whose truth is a claimed tie", count(named, "tie_claimed")))
+    lines.append(("claimed ties that nobody checked, not counted as ties", count(named, "tie_unchecked")))
     lines.append(("mean size of a tie set", f"{number(sizes, np.mean)} (of {len(sizes)})"))
     return lines
 

@@ -10,7 +10,7 @@ from typing import Any
 
 import mujoco
 
-from benchmarks.concealed.run import Way
+from benchmarks.concealed.run import Way, digest
 from benchmarks.concealed.translation import Form, forms_of, sets_of, true_forms
 from torch_activegp.data import load_recordings
 from torch_activegp.diagnosis.engine import Engine
@@ -110,6 +110,19 @@ def said_sets(case: Case, diagnosis: Mapping[str, Any]) -> Sets:
     return sets_of(_forms(case, [*diagnosis["effects"], *(diagnosis.get("retuned") or [])]))
 
 
+def _said(folder: Path) -> Path:
+    return folder.parents[1] / "results" / "diagnosis" / folder.name / "diagnosis.json"
+
+
+def checked(folder: Path, answer: Path) -> bool:
+    """Whether the oracle saw the tie that the diagnosis claims now, if it claims one."""
+    said = _said(folder)
+    if not said.exists() or json.loads(said.read_text(encoding="utf-8"))["verdict"] != "tie":
+        return True
+    seen = json.loads(answer.read_text(encoding="utf-8"))
+    return "chi2" not in seen or seen.get("diagnosis") == digest(said)
+
+
 def consult(folder: Path, out: Path) -> None:
     """Write oracle.json for one case: errors on the held-out runs, and how well a tie fits beside the truth."""
     root = folder.parents[1]
@@ -128,7 +141,8 @@ def consult(folder: Path, out: Path) -> None:
             ],
             "chi2": fit.chi2, "dof": case.dof(engine), "parameters": fit.size,
         }  # fmt: skip
-        said = root / "results" / "diagnosis" / folder.name / "diagnosis.json"
+        said = _said(folder)
+        answer["diagnosis"] = digest(said)
         diagnosis = json.loads(said.read_text(encoding="utf-8")) if said.exists() else {"verdict": "none"}
         claimed = said_sets(case, diagnosis) if diagnosis["verdict"] == "tie" else []
         if claimed:
@@ -138,4 +152,4 @@ def consult(folder: Path, out: Path) -> None:
     (out / "oracle.json").write_text(json.dumps(answer, indent=1) + "\n", encoding="utf-8")
 
 
-ORACLE = Way("oracle", consult, "oracle.json", ("torch_activegp.diagnosis", "benchmarks.concealed.oracle"))
+ORACLE = Way("oracle", consult, "oracle.json", ("torch_activegp.diagnosis", "benchmarks.concealed.oracle"), checked)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import hashlib
 import json
 import shutil
 from collections.abc import Callable, Iterable, Iterator
@@ -24,12 +25,14 @@ class Way:
         work: takes the folder of a case and an empty one, where it writes.
         answer: the file without which it has failed.
         preload: slow modules that it imports.
+        fits: whether an answer, a file, still fits the case, a folder.
     """
 
     name: str
     work: Callable[[Path, Path], None]
     answer: str = "diagnosis.json"
     preload: tuple[str, ...] = ()
+    fits: Callable[[Path, Path], bool] = lambda folder, answer: True
 
 
 def way_of(name: str) -> Way:
@@ -70,7 +73,8 @@ def run_cases(
     """
     tasks = []
     for folder in folders:
-        if is_done(results / folder.name, way.answer, retry):
+        answer = results / folder.name / way.answer
+        if is_done(answer.parent, way.answer, retry) and (not answer.exists() or way.fits(folder, answer)):
             yield None
             continue
         unfinished = results / f".{folder.name}"
@@ -86,6 +90,11 @@ def run_cases(
 def is_done(result: Path, answer: str, retry: bool) -> bool:
     """Whether a case was run: it has an answer, or it failed and is not to be run again."""
     return (result / answer).exists() or (not retry and (result / "failed.txt").exists())
+
+
+def digest(path: Path) -> str | None:
+    """Of a file, if it is there."""
+    return hashlib.sha256(path.read_bytes()).hexdigest() if path.exists() else None
 
 
 def keep(ended: Ended, results: Path) -> None:

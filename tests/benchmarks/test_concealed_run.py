@@ -94,6 +94,15 @@ def test_what_crashes_or_takes_too_long_costs_only_itself(tmp_path: Path) -> Non
     assert sorted(retried) == ["error", "killed", "leaves", "silent"]
 
 
+def test_an_answer_that_no_longer_fits_is_made_anew(tmp_path: Path) -> None:
+    case = tmp_path / "case_000"
+    for fits, again in ((True, True), (True, False), (False, True)):
+        way = Way("good", good, preload=(__name__,), fits=lambda folder, answer, fits=fits: fits)
+        (ended,) = run_cases([case], tmp_path / "out", way, jobs=1)
+        assert (ended is not None) is again
+        assert ended is None or ended.failure is None
+
+
 class Unreadable:
     """Kills the process that unpickles it."""
 

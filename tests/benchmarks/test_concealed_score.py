@@ -15,7 +15,9 @@ from benchmarks.concealed import bars
 from benchmarks.concealed.diagram import draw_reliability
 from benchmarks.concealed.equivalence import equals, overlap
 from benchmarks.concealed.markdown import report
+from benchmarks.concealed.oracle import checked
 from benchmarks.concealed.regions import area
+from benchmarks.concealed.run import digest
 from benchmarks.concealed.score import score_all, score_case
 
 KEY: dict[str, Any] = {
@@ -94,6 +96,23 @@ def test_a_tie_counts_only_where_the_truth_fits_no_better() -> None:
         row = score_case(KEY, tie, oracle=oracle)
         assert (row["exact"], row["tied"], row["tie_claimed"]) == (False, genuine, True)
     assert not score_case(KEY, tie)["tied"]  # nobody has checked
+
+
+def test_a_tie_of_another_diagnosis_is_unchecked(tmp_path: Path) -> None:
+    tie = answer(("actuator_lag", "actuator:drive"), verdict="tie",
+                 ties=[{"name": "actuator_delay", "target": "actuator:drive"}])  # fmt: skip
+    case = tmp_path / "cases" / "case_000"
+    said, seen = (tmp_path / "results" / way / case.name / f"{way}.json" for way in ("diagnosis", "oracle"))
+    for path in (tmp_path / "keys" / "case_000.json", said, seen):
+        path.parent.mkdir(parents=True)
+    (tmp_path / "keys" / "case_000.json").write_text(json.dumps(KEY))
+    said.write_text(json.dumps(tie))
+    facts = {"chi2": 100.0, "parameters": 1, "tie": {"chi2": 100.0, "parameters": 1}}
+    for word, fits in ((digest(said), True), ("another", False), (None, False)):
+        seen.write_text(json.dumps({**facts, "diagnosis": word}))
+        (row,), _ = score_all(tmp_path)
+        assert (row["tie_claimed"], row["tied"], row["tie_unchecked"]) == (True, fits, not fits)
+        assert checked(case, seen) is fits
 
 
 def test_parameters_are_compared_in_the_same_terms() -> None:
