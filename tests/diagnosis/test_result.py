@@ -63,6 +63,8 @@ def test_a_warning_about_stability_is_read_and_kept_as_plain_values(result) -> N
                     "target": "joint:hip",
                     "gains": [3.0, None],
                     "rests_on": ["b"],
+                    "fails_without": [],
+                    "fails_with": [],
                     "parameters": {"phase": {"low": 0.1, "high": 0.2, "shift": 1.5, "farthest": "a"}},
                 }
             ],
