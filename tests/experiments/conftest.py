@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Callable
 from pathlib import Path
 
@@ -70,3 +71,17 @@ def slide_run() -> Callable[..., Recording]:
 def rod_run() -> Callable[..., Recording]:
     """Records the rod."""
     return lambda name="run", **options: record(ROD, name, **options)
+
+
+@pytest.fixture
+def alive() -> Callable[[int], bool]:
+    """Whether a process of that number lives."""
+
+    def lives(pid: int) -> bool:
+        try:
+            os.kill(pid, 0)
+        except ProcessLookupError:
+            return False
+        return True
+
+    return lives

@@ -43,14 +43,6 @@ def check(found: dict[str, Any], folder: Path) -> None:
         assert ITEMS[name][0] == index
 
 
-def alive(pid: int) -> bool:
-    try:
-        os.kill(pid, 0)
-    except ProcessLookupError:
-        return False
-    return True
-
-
 @pytest.fixture
 def by_value() -> Iterator[None]:
     """Workers cannot import a test: its functions travel as a whole."""
@@ -90,7 +82,7 @@ def test_results_come_as_they_are_ready_and_an_iterator_that_is_closed_ends_the_
 
 
 def test_processes_have_one_thread_our_folder_and_arrays_of_their_own(
-    by_value: None, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    by_value: None, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, alive: Callable[[int], bool]
 ) -> None:
     monkeypatch.chdir(tmp_path)
     heard: list[Any] = []

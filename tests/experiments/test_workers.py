@@ -4,7 +4,7 @@ import os
 import signal
 import sys
 import threading
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from importlib import import_module
 from pathlib import Path
 from types import ModuleType
@@ -44,14 +44,6 @@ def jobs(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[ModuleType
     sys.modules.pop("jobs_of_a_test")
 
 
-def alive(pid: int) -> bool:
-    try:
-        os.kill(pid, 0)
-    except ProcessLookupError:
-        return False
-    return True
-
-
 def test_one_thread_is_put_back() -> None:
     before = torch.get_num_threads()
     with one_thread():
@@ -68,7 +60,7 @@ def test_one_process_is_this_one(jobs: ModuleType, names: list[str], processes: 
     assert heard == [message for name in names for message in messages[name]]
 
 
-def test_several_share_the_jobs_on_one_thread_each_and_end(jobs: ModuleType) -> None:
+def test_several_share_the_jobs_on_one_thread_each_and_end(jobs: ModuleType, alive: Callable[[int], bool]) -> None:
     heard: list[tuple[str, object]] = []
     messages = run_jobs(jobs.work, ["wait", "a", "b"], 2, heard.append)
     pids = {told[0][1] for told in messages.values()}
@@ -80,7 +72,7 @@ def test_several_share_the_jobs_on_one_thread_each_and_end(jobs: ModuleType) -> 
     assert not any(map(alive, pids))
 
 
-def test_messages_come_at_once_and_an_error_ends_the_others(jobs: ModuleType) -> None:
+def test_messages_come_at_once_and_an_error_ends_the_others(jobs: ModuleType, alive: Callable[[int], bool]) -> None:
     heard: list[tuple[str, int]] = []
     with pytest.raises(SimulationError, match="^the plant is on fire$"):
         run_jobs(jobs.work, ["sleep", "fail"], 2, heard.append)
@@ -88,7 +80,9 @@ def test_messages_come_at_once_and_an_error_ends_the_others(jobs: ModuleType) ->
     assert not any(alive(pid) for _, pid in heard)
 
 
-def test_a_killed_process_is_one_message_that_says_what_to_do_also_in_a_thread(jobs: ModuleType) -> None:
+def test_a_killed_process_is_one_message_that_says_what_to_do_also_in_a_thread(
+    jobs: ModuleType, alive: Callable[[int], bool]
+) -> None:
     heard: list[tuple[str, int]] = []
     errors: list[ActiveGPError] = []
 

@@ -206,9 +206,8 @@ def _proposals(selection: Selection, fit: Fit, screened: Screen) -> list[Set]:
     best = screened.best()
     singles = [a for a in best[: 4 * MOST] if worth(selection.score, (a,)) > 0.0]
     chosen: list[Sequence[Atom]] = [(a,) for a in diverse(sorted(singles, key=lambda a: -worth(selection.score, (a,))))]
-    strict = selection.score.before_any_fit(selection.nominal)
-    alone = functools.cache(functools.partial(worth, strict))
-    for company in companies(best[:_COMPANY], alone, MAX_EFFECTS - len(fit.effects), _MORE):
+    lenient = functools.cache(functools.partial(worth, selection.score.before_any_fit(selection.nominal)))
+    for company in companies(best[:_COMPANY], lenient, MAX_EFFECTS - len(fit.effects), _MORE):
         values = screened.together(company)[1]
         chosen.append([dataclasses.replace(a, values=v) for a, v in zip(company, values, strict=True)])
     return [join(fit, some) for atoms in chosen for some in also_little(atoms)]
