@@ -59,3 +59,16 @@ def test_those_far_behind_give_up_and_the_best_three_go_on() -> None:
     racers = [Racer(chi2) for chi2 in (99.0, 10.0, 5000.0, 30.0, 50.0, 69.0)]
     give_up(racers)
     assert [racer.finished for racer in racers] == [True, False, True, False, False, False]
+
+
+def test_a_segment_that_is_far_off_begins_again_from_the_recording(bench) -> None:
+    nominal, smooth = bench.nominal, bench.nominal.starts + 7.0
+    friction = (bench.effect("viscous_friction"),), (np.array([0.05]),)
+    problem = Problem(bench.shooting, *friction, nominal.starts, design=nominal.design, smooth=smooth)
+    problem.ask()
+    residual = np.ones((1, *nominal.design.shape[:2]))
+    residual[0, 1] = 100.0
+    problem.tell(residual, last=False)
+    _, states = problem.ask()
+    np.testing.assert_array_equal(states[0, 1], smooth[1])
+    assert (np.abs(np.delete(states[0] - smooth, 1, 0)) > 1.0).any(axis=1).all()
