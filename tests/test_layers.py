@@ -12,7 +12,7 @@ import pytest
 ROOT = Path(__file__).resolve().parents[1]
 PACKAGE = "torch_activegp"
 LAYERS = (
-    ("errors", "keys"),
+    ("errors", "files", "keys"),
     ("data", "physics"),
     ("simulators",),
     ("means",),

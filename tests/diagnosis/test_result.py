@@ -13,7 +13,6 @@ from torch_activegp.diagnosis.result import (
     NamedEffect,
     Spread,
     Stability,
-    write_whole,
 )
 
 
@@ -78,20 +77,20 @@ def test_the_folder_holds_every_file(result, tmp_path) -> None:
     result.save(tmp_path / "new" / "folder")
     folder = tmp_path / "new" / "folder"
     assert {path.name for path in folder.iterdir()} >= {"diagnosis.json", "evidence.json", "next.csv"}
-    assert not [path for path in folder.iterdir() if path.name.endswith(".tmp")]
+    assert not [path for path in folder.iterdir() if path.name.endswith(".part")]
     assert json.loads((folder / "diagnosis.json").read_text()) == result.to_dict()
     assert json.loads((folder / "evidence.json").read_text()) == {"traces": []}
     assert (folder / "next.csv").read_text() == "time\n0\n"
 
 
-def test_an_interrupted_write_leaves_the_old_file(tmp_path, monkeypatch) -> None:
-    path = tmp_path / "a.json"
-    write_whole(path, "old")
+def test_an_interrupted_write_leaves_the_old_files(result, tmp_path, monkeypatch) -> None:
+    result.save(tmp_path)
+    before = {path.name: path.read_bytes() for path in tmp_path.iterdir()}
 
     def fail(*_: object) -> None:
         raise OSError("disk full")
 
     monkeypatch.setattr("os.replace", fail)
     with pytest.raises(OSError, match="disk full"):
-        write_whole(path, "new")
-    assert path.read_text() == "old"
+        dataclasses.replace(result, sentence="new", files={"next.csv": "new"}).save(tmp_path)
+    assert {path.name: path.read_bytes() for path in tmp_path.iterdir()} == before

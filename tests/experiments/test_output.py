@@ -82,8 +82,8 @@ def test_a_place_that_cannot_be_written_is_reported(tmp_path: Path, monkeypatch:
 def test_a_full_disk_leaves_the_earlier_file_and_no_litter(tmp_path: Path) -> None:
     path = tmp_path / "a.txt"
     write_text(path, "earlier")
-    with pytest.raises(ConfigurationError, match=r"Cannot write to .*a.txt: No space left"), atomic(path) as temporary:
-        temporary.write_text("half")
+    with pytest.raises(ConfigurationError, match=r"Cannot write to .*a.txt: No space left"), atomic(path) as file:
+        file.write(b"half")
         raise OSError(28, "No space left on device")
     assert path.read_text() == "earlier"
     assert list(tmp_path.iterdir()) == [path]

@@ -37,7 +37,7 @@ def test_a_later_save_replaces_the_earlier(path: Path) -> None:
     assert load_checkpoint(path, SETTINGS)["records"] == []
 
 
-@pytest.mark.parametrize("where", ["torch.save", "os.fsync", "torch.load", "pathlib.Path.replace"])
+@pytest.mark.parametrize("where", ["torch.save", "os.fsync", "torch.load", "os.replace"])
 def test_a_failure_while_writing_leaves_the_earlier_file(
     path: Path, where: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:

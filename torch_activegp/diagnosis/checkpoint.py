@@ -5,14 +5,13 @@ from __future__ import annotations
 import dataclasses
 import io
 import logging
-import os
 import pickle
-import tempfile
 from collections.abc import Callable, Iterable
 from contextlib import suppress
 from pathlib import Path
 from typing import Any, BinaryIO, TypeVar
 
+from torch_activegp.files import written_whole
 from torch_activegp.physics.effect import Effect
 
 _logger = logging.getLogger(__name__)
@@ -116,7 +115,8 @@ class Checkpoint:
         assert self.path is not None
         try:
             self.path.parent.mkdir(parents=True, exist_ok=True)
-            _replace(self.path, self._header(stage) + pickled)
+            with written_whole(self.path) as file:
+                file.write(self._header(stage) + pickled)
         except OSError as error:
             _logger.warning("%s is not kept: %s", stage, error)
         else:
@@ -146,19 +146,6 @@ def kept(path: Path) -> tuple[str | None, str | None]:
         _logger.warning("%s cannot be read: %s", path, error)
         return None, None
     return key, stage
-
-
-def _replace(path: Path, content: bytes) -> None:
-    """Writes a file whole, under a name of its own first."""
-    number, name = tempfile.mkstemp(dir=path.parent, prefix=f"{path.name}.")
-    try:
-        with os.fdopen(number, "wb") as file:
-            file.write(content)
-            file.flush()
-            os.fsync(file.fileno())
-        os.replace(name, path)
-    finally:
-        Path(name).unlink(missing_ok=True)
 
 
 class _Pickler(pickle.Pickler):

@@ -4,13 +4,13 @@ from __future__ import annotations
 
 import dataclasses
 import json
-import os
-from collections.abc import Iterator, Mapping
-from contextlib import contextmanager
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
 import torch
+
+from torch_activegp.files import written_whole
 
 SCHEMA_VERSION = 1
 
@@ -207,21 +207,8 @@ class Diagnosis:
         texts["evidence.json"] = json.dumps(self.evidence)
         texts["diagnosis.json"] = json.dumps(self.to_dict(), indent=1)
         for name, text in texts.items():
-            write_whole(folder / name, text)
+            with written_whole(folder / name) as file:
+                file.write(text.encode())
         for name, state in self.states.items():
-            with written_whole(folder / name) as temporary:
-                torch.save(state, temporary)
-
-
-def write_whole(path: Path, text: str) -> None:
-    """Writes a text file, whole or not at all."""
-    with written_whole(path) as temporary:
-        temporary.write_text(text, encoding="utf-8")
-
-
-@contextmanager
-def written_whole(path: Path) -> Iterator[Path]:
-    """A temporary name to write to, which is renamed then, so that an interruption leaves the old file."""
-    temporary = path.with_name(f".{path.name}.tmp")
-    yield temporary
-    os.replace(temporary, path)
+            with written_whole(folder / name) as file:
+                torch.save(state, file)

@@ -7,11 +7,12 @@ import os
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from pathlib import Path
-from typing import Any
+from typing import Any, BinaryIO
 
 import pandas as pd
 
 from torch_activegp.errors import CheckpointError, ConfigurationError
+from torch_activegp.files import written_whole
 
 _SETTINGS = "settings.json"
 
@@ -110,26 +111,20 @@ def _writing(path: Path) -> Iterator[None]:
 
 
 @contextmanager
-def atomic(path: Path) -> Iterator[Path]:
-    """A temporary name to write to; it becomes ``path`` if that succeeds, and is removed otherwise.
+def atomic(path: Path) -> Iterator[BinaryIO]:
+    """A file to write to; it becomes ``path`` if that succeeds, and is removed otherwise.
 
     Raises:
         ConfigurationError: the disk or the folder cannot be written.
     """
-    temporary = path.with_name(path.name + ".part")
-    try:
-        with _writing(path):
-            yield temporary
-            temporary.replace(path)
-    finally:
-        if temporary.exists():
-            temporary.unlink()
+    with _writing(path), written_whole(path) as file:
+        yield file
 
 
 def write_text(path: Path, text: str) -> None:
     """Write a whole text file, UTF-8 with Unix line ends, or none."""
-    with atomic(path) as temporary:
-        temporary.write_text(text, encoding="utf-8", newline="\n")
+    with atomic(path) as file:
+        file.write(text.encode())
 
 
 def write_table(path: Path, table: pd.DataFrame) -> None:

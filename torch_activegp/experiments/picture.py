@@ -35,8 +35,8 @@ def save_picture(figure: Figure, stem: Path) -> list[Path]:
         ConfigurationError: the folder cannot be written.
     """
     files = [stem.with_suffix(suffix) for suffix in (".png", ".svg")]
-    for file in files:
-        metadata = {"Date": None, "Creator": "torch-activegp"} if file.suffix == ".svg" else {"Software": None}
-        with atomic(file) as temporary:
-            figure.savefig(temporary, format=file.suffix[1:], dpi=150, metadata=metadata)
+    for path in files:
+        metadata = {"Date": None, "Creator": "torch-activegp"} if path.suffix == ".svg" else {"Software": None}
+        with atomic(path) as file:
+            figure.savefig(file, format=path.suffix[1:], dpi=150, metadata=metadata)
     return files

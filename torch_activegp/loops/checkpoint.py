@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 import pickle
 import zipfile
 from pathlib import Path
@@ -11,6 +10,7 @@ from typing import Any
 import torch
 
 from torch_activegp.errors import CheckpointError, ConfigurationError
+from torch_activegp.files import written_whole
 
 _VERSION = 1
 _DAMAGE = (pickle.UnpicklingError, zipfile.BadZipFile, RuntimeError, LookupError, EOFError, TypeError, ValueError)
@@ -29,23 +29,18 @@ def save_checkpoint(path: Path, settings: dict[str, Any], content: dict[str, Any
     Raises:
         CheckpointError: the file cannot be written, or holds other objects, which cannot be read again.
     """
-    temporary = path.with_name(path.name + ".part")
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
-        with temporary.open("wb") as file:
+        with written_whole(path) as file:
             torch.save({"version": _VERSION, "settings": settings, **content}, file)
-            file.flush()
-            os.fsync(file.fileno())
-        torch.load(temporary, weights_only=True)
-        temporary.replace(path)
+            file.seek(0)
+            torch.load(file, weights_only=True)
     except (OSError, RuntimeError, pickle.PickleError, AttributeError, TypeError) as error:
         raise CheckpointError(
             f"The checkpoint {path} could not be written ({_first_line(error)}); an earlier one is as it was. Make "
             "room or choose another place; where an object cannot be saved, let its state_dict hold tensors and plain "
             "values only."
         ) from error
-    finally:
-        temporary.unlink(missing_ok=True)
 
 
 def load_checkpoint(path: Path, settings: dict[str, Any]) -> dict[str, Any]:

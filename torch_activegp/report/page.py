@@ -13,6 +13,7 @@ from jinja2 import Environment, PackageLoader, StrictUndefined
 from markupsafe import Markup
 
 from torch_activegp.errors import ConfigurationError, DataError
+from torch_activegp.files import written_whole
 from torch_activegp.report.correction import correction
 from torch_activegp.report.law import law
 from torch_activegp.report.parameters import parameters
@@ -46,19 +47,15 @@ def write_report(diagnosis: Mapping[str, Any], evidence: Mapping[str, Any], path
     """
     path = Path(path)
     text = render_report(diagnosis, evidence)
-    temporary = path.with_name(path.name + ".part")
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
-        temporary.write_text(text, encoding="utf-8", newline="\n")
-        temporary.replace(path)
+        with written_whole(path) as file:
+            file.write(text.encode())
     except OSError as error:
         raise ConfigurationError(
             f"Cannot write the report {path}: {error.strerror or error}. Choose another place, or mend its permissions "
             "or the disk."
         ) from error
-    finally:
-        if path.parent.is_dir():
-            temporary.unlink(missing_ok=True)
     return path
 
 
