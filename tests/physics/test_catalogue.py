@@ -73,12 +73,38 @@ def test_a_users_class_is_tried_wherever_it_can_act(bench: Any) -> None:
         ([type("Mine", (ViscousFriction,), {"name": "actuator_gain"})], "the name 'actuator_gain' of Mine is taken"),
         ([Effect], "a class wanted that is a JointEffect, an ActuatorEffect or a SensorEffect .* found .*Effect"),
         ([JointEffect], "has a name and a method `at`, found .*JointEffect"),
+        ([type("Rub", (JointEffect,), {"name": "rub"})], "has a name and a method `at`, found .*Rub"),
         (["rub"], "a class wanted .* found 'rub'"),
     ],
 )
 def test_what_is_no_further_effect_is_refused(bench: Any, more: list[Any], message: str) -> None:
     with pytest.raises(ConfigurationError, match=message):
         catalogue(bench.model, [bench.elbow], [], [], more)
+
+
+@pytest.mark.parametrize(
+    ("at", "message"),
+    [
+        (classmethod(lambda cls, place: None), "cannot be called so: too many positional arguments"),
+        (classmethod(lambda cls, place, model, size: None), "cannot be called so: missing a required argument: 'size'"),
+        (3, "cannot be called so: 3 is not a callable object"),
+        (lambda place, model: None, "a function without @classmethod"),
+        (classmethod(lambda cls, place, model: None), "one that returns NoneType for joint:elbow"),
+        (classmethod(lambda cls, place, model: cls), "one that returns type for joint:elbow"),
+        (classmethod(lambda cls, place, model: ViscousFriction.at(place, model)), "one that returns ViscousFriction"),
+    ],
+)
+def test_a_method_at_of_another_form_is_refused(bench: Any, at: Any, message: str) -> None:
+    kind = type("Rub", (JointEffect,), {"name": "rub", "at": at})
+    wanted = r"a class method Rub.at wanted that takes \(place, model\) and returns a Rub, found .*"
+    with pytest.raises(ConfigurationError, match=rf"{wanted}{message}.*See tutorials/07"):
+        catalogue(bench.model, [bench.elbow], [], [], [kind])
+
+
+def test_an_error_inside_a_method_at_stays_what_it_is(bench: Any) -> None:
+    kind = type("Rub", (JointEffect,), {"name": "rub", "at": classmethod(lambda cls, place, model: place.mass)})
+    with pytest.raises(AttributeError, match="no attribute 'mass'"):
+        catalogue(bench.model, [bench.elbow], [], [], [kind])
 
 
 @every

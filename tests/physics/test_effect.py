@@ -32,6 +32,11 @@ def test_an_effect_without_hooks_does_nothing(bench: Any) -> None:
     np.testing.assert_array_equal(step.force, 0.0)
 
 
+def test_an_effect_is_made_at_a_place_where_its_class_says_how(bench: Any) -> None:
+    with pytest.raises(NotImplementedError):
+        Nothing.at(bench.elbow, bench.model)
+
+
 def test_an_effect_is_told_by_name_and_target() -> None:
     assert NOTHING.key == ("nothing", "joint:elbow")
     assert NOTHING.describe(np.array([1.0, 2.0])) == {"size": 1.0, "width": 2.0}

@@ -40,8 +40,8 @@ def effects(model: mujoco.MjModel) -> list[tuple[Any, list[float]]]:
         (payload(model, (0.1, 0.05, -0.08)), [0.3]),
         (payload(model), [-0.1]),
         (DensityError.at(FORE, model), [0.2]),
-        (CenterOfMassOffset.at(FORE, model, 0, 0.2), [0.05]),
-        (CenterOfMassOffset.at(FORE, model, 2, 0.2), [-0.03]),
+        (CenterOfMassOffset.along(FORE, model, 0, 0.2), [0.05]),
+        (CenterOfMassOffset.along(FORE, model, 2, 0.2), [-0.03]),
         (GravityError.along(0), [0.7]),
         (GravityError.along(3), [0.7, 0.0, -0.5]),
     ]
@@ -101,7 +101,7 @@ def test_a_balanced_body_can_lose_its_balance(joints: str) -> None:
     spec = mujoco.MjSpec.from_string(xml)
     spec.body("cart").simple = joints == "one"
     model = spec.compile()
-    effect = CenterOfMassOffset.at(Place("body:cart", 1), model, 0, 0.2)
+    effect = CenterOfMassOffset.along(Place("body:cart", 1), model, 0, 0.2)
     batch = mujoco.batch.Batch(model, 2, 1)
     effect.edit(batch.expand, np.array([1]), np.array([[0.1]]))
     batch.set_const(np.arange(2, dtype=np.int32))

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import inspect
 from collections.abc import Mapping, Sequence
 
 import mujoco
@@ -23,7 +24,7 @@ from torch_activegp.physics.play import MEMORY, Backlash
 from torch_activegp.physics.sensing import SENSING, SensorEffect
 from torch_activegp.physics.springs import POSITION_FORCES
 
-JOINT_EFFECTS = (*FRICTION, *POSITION_FORCES, *MEMORY, ArmatureError)
+JOINT_EFFECTS: tuple[type[Effect], ...] = (*FRICTION, *POSITION_FORCES, *MEMORY, ArmatureError)
 _BODY_EFFECTS = (PayloadMass, DensityError, CenterOfMassOffset)
 _LISTED: tuple[type[Effect], ...] = (*JOINT_EFFECTS, Backlash, *ACTUATION, *SENSING, *_BODY_EFFECTS, GravityError)
 
@@ -48,12 +49,13 @@ def catalogue(
         Effects; several variants may share one name and target.
 
     Raises:
-        ConfigurationError: a further class is of another kind, or its name is on the list already.
+        ConfigurationError: a further class is of another kind, its name is on the list already, or its ``at`` does not
+            take a place and a model or returns something else.
     """
-    effects: list[Effect] = [kind.at(place, model) for place in joints for kind in JOINT_EFFECTS]  # type: ignore[attr-defined]
+    effects: list[Effect] = [kind.at(place, model) for place in joints for kind in JOINT_EFFECTS]
     effects += [Backlash.at(place, model) for place in joints if Backlash.fits(place, model)]
-    effects += [kind.at(place, model) for place in actuators for kind in ACTUATION]  # type: ignore[attr-defined]
-    effects += [kind.at(place, model) for place in sensors for kind in SENSING]  # type: ignore[attr-defined]
+    effects += [kind.at(place, model) for place in actuators for kind in ACTUATION]
+    effects += [kind.at(place, model) for place in sensors for kind in SENSING]
     effects += body_effects(model)
     effects += [GravityError.along(axis) for axis in range(3)]
     places = {JointEffect: joints, ActuatorEffect: actuators, SensorEffect: sensors}
@@ -63,18 +65,44 @@ def catalogue(
         if kind.name in taken:
             raise ConfigurationError(f"effects: the name {kind.name!r} of {kind.__name__} is taken. Give it another.")
         taken.add(kind.name)
-        effects += [kind.at(place, model) for place in acts_on]  # type: ignore[attr-defined]
+        effects += [_made(kind, place, model) for place in acts_on]
     return effects
 
 
 def _places_of(kind: type[Effect], places: Mapping[type[Effect], Sequence[Place]]) -> Sequence[Place]:
     """Where a class of a user's can act."""
     for base, found in places.items():
-        if isinstance(kind, type) and issubclass(kind, base) and hasattr(kind, "at") and hasattr(kind, "name"):
+        if isinstance(kind, type) and issubclass(kind, base) and hasattr(kind, "name") and _says_how(kind):
             return found
     raise ConfigurationError(
         "effects: a class wanted that is a JointEffect, an ActuatorEffect or a SensorEffect and has a name and a "
         f"method `at`, found {kind!r}. See tutorials/07_add_an_effect.py."
+    )
+
+
+def _says_how(kind: type[Effect]) -> bool:
+    """Whether a class has an ``at`` of its own."""
+    return inspect.getattr_static(kind, "at") is not inspect.getattr_static(Effect, "at")
+
+
+def _made(kind: type[Effect], place: Place, model: mujoco.MjModel) -> Effect:
+    """An effect of a user's class, if its ``at`` is what it should be."""
+    if inspect.isfunction(inspect.getattr_static(kind, "at")):
+        raise _wrong_at(kind, "a function without @classmethod")
+    try:
+        inspect.signature(kind.at).bind(place, model)
+    except TypeError as error:
+        raise _wrong_at(kind, f"one that cannot be called so: {error}") from error
+    effect = kind.at(place, model)
+    if not isinstance(effect, kind):
+        raise _wrong_at(kind, f"one that returns {type(effect).__name__} for {place.target}")
+    return effect
+
+
+def _wrong_at(kind: type[Effect], found: str) -> ConfigurationError:
+    return ConfigurationError(
+        f"effects: a class method {kind.__name__}.at wanted that takes (place, model) and returns a {kind.__name__}, "
+        f"found {found}. See tutorials/07_add_an_effect.py."
     )
 
 
@@ -90,14 +118,14 @@ def body_effects(model: mujoco.MjModel) -> list[Effect]:
             continue
         stays_balanced = model.body_simple[body] == 1 and model.body_dofnum[body] > 1
         place = Place(f"body:{model.body(body).name or f'body{body}'}", body)
-        effects.append(PayloadMass.at(place, model, np.zeros(3), "center"))
+        effects.append(PayloadMass.at(place, model))
         effects.append(DensityError.at(place, model))
         reach = farthest_point(model, body)
         if np.linalg.norm(reach) > 1e-3 and not stays_balanced:
             effects.append(PayloadMass.at(place, model, reach, "end"))
         size = max(float(np.linalg.norm(reach)), 0.02)
         if not stays_balanced:
-            effects += [CenterOfMassOffset.at(place, model, axis, size) for axis in range(3)]
+            effects += [CenterOfMassOffset.along(place, model, axis, size) for axis in range(3)]
     return effects
 
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 from collections.abc import Callable, Sequence
-from typing import Any, ClassVar
+from typing import Any, ClassVar, Self
 
 import mujoco
 import numpy as np
@@ -82,6 +82,19 @@ class Effect:
     """Whether a modeller would have tuned it on the machine's data, so that a nominal can hide others in it."""
     needs_steps: ClassVar[bool] = False
     """Whether :meth:`before_step` does something."""
+
+    @classmethod
+    def at(cls, place: Place, model: mujoco.MjModel) -> Self:
+        """Makes the effect for a place; every class that can be tried there says how.
+
+        Args:
+            place: a joint, an actuator or a recorded position, and what the recordings show there.
+            model: compiled nominal model.
+
+        Returns:
+            The effect, its parameters and seeds sized for the place.
+        """
+        raise NotImplementedError
 
     @property
     def key(self) -> tuple[str, str]:

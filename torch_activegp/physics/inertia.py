@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from typing import Self
 
 import mujoco
@@ -84,8 +84,11 @@ class PayloadMass(BodyEffect):
     law = "a point mass m on the body"
 
     @classmethod
-    def at(cls, place: Place, model: mujoco.MjModel, offset: Array, variant: str) -> Self:
+    def at(
+        cls, place: Place, model: mujoco.MjModel, offset: Sequence[float] | Array = (0, 0, 0), variant: str = "center"
+    ) -> Self:
         """Makes the effect for a body; what may be missing from the model leaves it at least a tenth of its inertia."""
+        offset = np.asarray(offset, dtype=float)
         mass, inertia = float(model.body_mass[place.index]), model.body_inertia[place.index]
         principal = Rotation.from_quat(model.body_iquat[place.index], scalar_first=True).inv().apply(offset)
         arms = offset @ offset - principal**2
@@ -156,8 +159,8 @@ class CenterOfMassOffset(BodyEffect):
     law = "the body's centre of mass moves along one of its axes"
 
     @classmethod
-    def at(cls, place: Place, model: mujoco.MjModel, axis: int, size: float) -> Self:
-        """Makes the effect for a body of a given size, m."""
+    def along(cls, place: Place, model: mujoco.MjModel, axis: int, size: float) -> Self:
+        """Makes the effect along one axis of a body of a given size, m."""
         parameter = Parameter(f"offset_{_AXES[axis]}", "m", 0.03 * size, low=-size, high=size)
         return cls(
             place.target, (parameter,), np.array([[0.03 * size]]), variant=_AXES[axis], body=place.index, axis=axis
