@@ -3,6 +3,8 @@ from __future__ import annotations
 import os
 import signal
 import sys
+import threading
+import time
 from collections.abc import Callable, Iterator
 from importlib.util import find_spec
 from pathlib import Path
@@ -12,7 +14,7 @@ import numpy as np
 import pytest
 import torch
 
-from torch_activegp.errors import ActiveGPError, ConfigurationError
+from torch_activegp.errors import ActiveGPError, ConfigurationError, SimulationError
 from torch_activegp.experiments.spread import spread
 
 Tell = Callable[[Any], None]
@@ -93,12 +95,48 @@ def test_processes_have_one_thread_our_folder_and_arrays_of_their_own(
     assert signal.getsignal(signal.SIGINT) is signal.default_int_handler
 
 
-def test_a_killed_worker_is_one_message(by_value: None) -> None:
-    def kill(name: str, item: Any, tell: Tell) -> None:
-        os.kill(os.getpid(), signal.SIGKILL)
+def test_ctrl_c_is_left_to_this_process(by_value: None) -> None:
+    def ignores(name: str, item: Any, tell: Tell) -> bool:
+        return signal.getsignal(signal.SIGINT) == signal.SIG_IGN
 
-    with pytest.raises(ActiveGPError, match="A worker process was killed, as happens when memory runs out"):
-        list(spread(kill, {"a": 1, "b": 2}, 2))
+    assert dict(spread(ignores, {"a": 1, "b": 2}, 2)) == {"a": True, "b": True}
+
+
+def test_messages_come_at_once_and_an_error_ends_the_others(by_value: None, alive: Callable[[int], bool]) -> None:
+    def fail(name: str, item: Any, tell: Tell) -> None:
+        tell((name, os.getpid()))
+        if name == "fail":
+            raise SimulationError("the plant is on fire")
+        time.sleep(100)
+
+    heard: list[tuple[str, int]] = []
+    with pytest.raises(SimulationError, match="^the plant is on fire$"):
+        list(spread(fail, {"sleep": 1, "fail": 2}, 2, tell=heard.append))
+    assert "fail" in dict(heard)
+    assert not any(alive(pid) for _, pid in heard)
+
+
+def test_a_killed_worker_is_one_message_also_in_a_thread(by_value: None, alive: Callable[[int], bool]) -> None:
+    def kill(name: str, item: Any, tell: Tell) -> None:
+        tell(os.getpid())
+        if name == "kill":
+            os.kill(os.getpid(), signal.SIGKILL)
+        time.sleep(100)
+
+    heard: list[int] = []
+    errors: list[ActiveGPError] = []
+
+    def run() -> None:
+        try:
+            list(spread(kill, {"kill": 1, "sleep": 2}, 2, tell=heard.append))
+        except ActiveGPError as error:
+            errors.append(error)
+
+    thread = threading.Thread(target=run)
+    thread.start()
+    thread.join(timeout=60)
+    assert "was killed, as happens when memory runs out. Use fewer jobs" in str(errors)
+    assert not any(map(alive, heard))
 
 
 def test_what_cannot_be_sent_is_named_before_anything_is_done() -> None:

@@ -76,6 +76,17 @@ def test_a_study_gives_the_same_table_whole_or_cut(tmp_path: Path) -> None:
     assert rest == {trial: [step.record for step in steps if step.trial == trial] for trial in trials}
 
 
+def test_several_processes_give_the_same_records_and_tell_each_step(tmp_path: Path) -> None:
+    methods = ["discrepancy", "sigma"]
+    trials = make_trials(methods, 1)
+    steps: list[Step] = []
+    found = run_study(pendulum, trials, TINY, tmp_path / "two", num_jobs=2, on_step=steps.append)
+    alone = run_study(pendulum, trials, TINY, tmp_path / "one")
+    assert list(found) == trials
+    assert records_table(found, methods).equals(records_table(alone, methods))
+    assert {trial: [step.record for step in steps if step.trial == trial] for trial in trials} == found
+
+
 def test_a_damaged_checkpoint_names_the_trial(tmp_path: Path) -> None:
     trial = Trial("sigma", 3)
     trial.checkpoint(tmp_path).write_text("no checkpoint")

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 import time
 from collections.abc import Sequence
 from functools import partial
@@ -107,7 +106,7 @@ def figures(
                 schedule,
                 budget,
                 folder / "trials",
-                num_jobs=jobs or os.cpu_count() or 1,
+                num_jobs=jobs,
                 on_step=lambda step: progress.advance(restored=step.restored),
             )
         table = records_table(records, names)

@@ -12,9 +12,10 @@ import pandas as pd
 
 from torch_activegp.errors import ActiveGPError
 from torch_activegp.experiments.methods import Budget, make_loop
+from torch_activegp.experiments.spread import spread
 from torch_activegp.experiments.task import Task
 from torch_activegp.experiments.user_simulator import name_of
-from torch_activegp.experiments.workers import run_jobs
+from torch_activegp.experiments.workers import Tell
 from torch_activegp.loops import EpisodeRecord
 
 METRICS = ("max_variance", "mse", "discrepancy")
@@ -110,7 +111,7 @@ def run_study(
         trials: what to run, in this order.
         budget: length and planner settings.
         folder: for the checkpoints.
-        num_jobs: processes.
+        num_jobs: processes; 0: one for each core.
         on_step: called with each episode, as it finishes; in a thread if ``num_jobs`` is not 1.
 
     Returns:
@@ -119,9 +120,20 @@ def run_study(
     Raises:
         ActiveGPError: a trial failed, or a process was killed.
     """
-    work = partial(run_trial, make_task, budget, folder)
-    steps = run_jobs(work, trials, num_jobs, on_step)
-    return {trial: [step.record for step in steps[trial]] for trial in trials}
+    work = partial(_records, make_task, budget, folder)
+    found = dict(spread(work, {str(trial): trial for trial in trials}, num_jobs, tell=on_step))
+    return {trial: found[str(trial)] for trial in trials}
+
+
+def _records(
+    make_task: Callable[[], Task], budget: Budget, folder: Path, name: str, trial: Trial, tell: Tell
+) -> list[EpisodeRecord]:
+    """The records of a trial, each told when it is there."""
+    records = []
+    for step in run_trial(make_task, budget, folder, trial):
+        tell(step)
+        records.append(step.record)
+    return records
 
 
 def make_trials(methods: Sequence[str], num_trials: int, first_seed: int = 0) -> list[Trial]:

@@ -1,22 +1,17 @@
-"""Independent jobs in several processes of joblib, which report as they go."""
+"""What work in several processes needs: one thread each, a way to report, and nothing to do with Ctrl-C."""
 
 from __future__ import annotations
 
 import os
 import signal
 import threading
-from collections.abc import Callable, Iterable, Iterator, Sequence
-from concurrent.futures.process import BrokenProcessPool
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
 from functools import partial
 from multiprocessing.connection import Client, Listener
 from typing import Any
 
 import torch
-from joblib import Parallel, delayed
-from joblib.externals.loky import get_reusable_executor
-
-from torch_activegp.errors import ActiveGPError
 
 Tell = Callable[[Any], None]
 """Takes a message of a job."""
@@ -31,53 +26,6 @@ def one_thread() -> Iterator[None]:
         yield
     finally:
         torch.set_num_threads(threads)
-
-
-def run_jobs(
-    work: Callable[[Any], Iterable[Any]], jobs: Sequence[Any], num_processes: int, tell: Tell = lambda _: None
-) -> dict[Any, list[Any]]:
-    """Do independent jobs side by side.
-
-    Every job computes on one thread of torch, so its result does not depend on the number of processes. The processes
-    end with the jobs, at once at an error or at Ctrl-C, and at the next message when this one was killed.
-
-    Args:
-        work: from a job to its messages; like these, it can be pickled if there is more than one process.
-        jobs: what to do, in this order; hashable.
-        num_processes: how many at once; with one, everything happens in this process.
-        tell: called with each message as it comes, in a thread of this process if there are others.
-
-    Returns:
-        The messages of each job.
-
-    Raises:
-        ActiveGPError: what a job raised, or a process was killed.
-    """
-    num_processes = min(num_processes, len(jobs))
-    if num_processes <= 1:
-        return dict(_do(work, tell, job) for job in jobs)
-    try:
-        with heard_by(tell) as tell_parent:
-            pool = Parallel(num_processes, backend="loky", return_as="generator_unordered", batch_size=1)
-            with interrupts_ignored():
-                results = pool(delayed(_do)(work, tell_parent, job) for job in jobs)
-            return dict(results)
-    except BrokenProcessPool as error:
-        raise ActiveGPError(
-            "A worker process was killed, as happens when memory runs out. Use fewer --jobs; --resume keeps every "
-            "complete episode."
-        ) from error
-    finally:
-        get_reusable_executor(reuse=True).shutdown(kill_workers=True)
-
-
-def _do(work: Callable[[Any], Iterable[Any]], tell: Tell, job: Any) -> tuple[Any, list[Any]]:
-    messages = []
-    with one_thread():
-        for message in work(job):
-            tell(message)
-            messages.append(message)
-    return job, messages
 
 
 @contextmanager
