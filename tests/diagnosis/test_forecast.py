@@ -18,7 +18,7 @@ def truth(bench) -> Candidate:
 def test_the_true_model_is_wrong_by_the_noise_alone(bench, truth) -> None:
     run = bench.machine.holdout[0]
     assert one_step(bench.engine, truth, run).std() < 4 * bench.noise
-    ((positions, start),) = free_run(bench.engine, truth, [run], bench.shooting.noise)
+    ((positions, start),) = free_run(bench.engine, [truth], [run], bench.shooting.noise)[0]
     assert positions.shape == run.position.shape
     assert (positions - run.position).std() == pytest.approx(bench.noise, rel=0.2)
     assert start[0] == pytest.approx(run.smooth[0, 0], abs=5 * bench.noise)

@@ -227,7 +227,9 @@ def _proposal(
         return None
     best, *others = [fit for fit, _, _ in judgement.rivals[:4]]
     for rival in others:
-        found = next_experiment(explanation.engine, [best, rival], machine.fit, explanation.shooting.noise, seed)
+        found = next_experiment(
+            explanation.shooting.differences, [best, rival], machine.fit, explanation.shooting.noise, seed
+        )
         if found is not None:
             return found
     return None

@@ -27,7 +27,7 @@ def next_experiment(
     This is the acquisition of the exploring loop with the rivals' predicted difference in place of the discrepancy.
 
     Args:
-        engine: the precise simulation.
+        engine: simulates; a cheap one will do, for only differences count.
         rivals: two fits to be separated.
         runs: recordings, for the time step, the limits and the initial state.
         noise: of the recordings.

@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from torch_activegp.diagnosis.blackbox_engine import GivenNumerics
+from torch_activegp.diagnosis.chaining import chained
 from torch_activegp.diagnosis.checkpoint import Checkpoint
 from torch_activegp.diagnosis.engine import Engine
 from torch_activegp.diagnosis.fit import Fit
@@ -60,13 +61,14 @@ Tell = Callable[[str], None]
 
 @dataclasses.dataclass(frozen=True)
 class _Start:
-    """What naming on all data begins from: numerics, likelihood, the nominal's fit, sets and their initial states."""
+    """What naming on all data begins from: numerics, likelihood, the nominal's fit, sets with their initial states."""
 
     engine: Engine
     shooting: Shooting
     nominal: Fit
     sets: Sets
     starts: Array
+    free: frozenset[tuple[str, str]]
 
 
 def explain(
@@ -98,7 +100,7 @@ def explain(
     def name() -> tuple[_Start, Selection]:
         start = keep.once("naming on a part of the data", begin)
         tell("naming on all data")
-        return start, select(start.shooting, effects, start.nominal, start.sets, start.starts, tell)
+        return start, select(start.shooting, effects, start.nominal, start.sets, start.starts, tell, start.free)
 
     def finish() -> Explanation:
         return _finish(numerics, effects, *keep.once("naming on all data", name), tell)
@@ -118,17 +120,19 @@ def _start(
     segments, first = long
     engine, shooting, nominal, judged = numerics.choose(segments, noise, first, first)
     sets: Sets = []
+    free: frozenset[tuple[str, str]] = frozenset()
     excess = nominal.chi2 - shooting.dof
     if excess > 2 * _ENOUGH and segments.size > 8:
         tell("naming on a part of the data")
         part, which = shooting.subset(max(_ENOUGH / excess, 0.2))
         here = nominal.pick(which)
         rough = part.fit([((), ())], here.starts, design=here.design)[0]
-        sets = _leaders(select(part, effects, rough, tell=tell))
+        chosen = select(part, effects, rough, tell=tell)
+        sets, free = _leaders(chosen), chosen.score.free
         if _far(nominal, segments, _FAR / 4).any():
             segments, nominal = _longest(machine, numerics, noise, _TOO_FAR)
         engine, shooting, nominal, judged = numerics.choose(segments, noise, nominal, nominal, sets)
-    return _Start(engine, shooting, nominal, sets, judged.starts)
+    return _Start(engine, shooting, nominal, sets, judged.starts, free)
 
 
 def _finish(
@@ -146,7 +150,7 @@ def _finish(
             engine, shooting = again, other
             tell("naming with the numerics seen behind the effects")
             seen = [(judged.effects, judged.values), *leaders]
-            selection = select(shooting, effects, bare, seen, judged.starts, tell)
+            selection = select(shooting, effects, bare, seen, judged.starts, tell, selection.score.free)
     _polish(shooting, selection)
     return Explanation(engine, shooting, selection, tuple(effects), engine is not numerics.given)
 
@@ -155,7 +159,7 @@ def _polish(shooting: Shooting, selection: Selection) -> None:
     """The best set once more with all derivatives taken there."""
     best = selection.best
     for _ in range(2 if best.effects else 0):
-        again = shooting.fit([(best.effects, best.values)], best.starts)[0]
+        again = chained(shooting, shooting.fit([(best.effects, best.values)], best.starts)[0])
         if not again.chi2 < best.chi2 - _SETTLED:
             break
         selection.fits = [again if fit is best else fit for fit in selection.fits]
@@ -176,6 +180,7 @@ def _longest(machine: Machine, numerics: Numerics, noise: NoiseModel, too_far: f
     while True:
         shooting = Shooting(numerics.coarse, segments, noise)
         best = shooting.fit([((), ())], shooting.engine.starts(segments), rounds=6)[0]
+        best = chained(shooting, best)
         bad = _far(best, segments, too_far) | (_growth(best, segments, noise) > _GROWTH)
         long = segments.dt[:, 0] * np.diff(segments.scored, axis=1)[:, 0] > 1.5 * _SHORTEST
         shorter = halve(segments, bad & long)

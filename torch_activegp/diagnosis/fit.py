@@ -51,7 +51,7 @@ class Fit:
         """Names and targets."""
         return frozenset(effect.key for effect in self.effects)
 
-    def pick(self, which: NDArray[np.int64]) -> Fit:
+    def pick(self, which: NDArray[np.int64] | NDArray[np.bool_]) -> Fit:
         """What it is on some of the segments."""
         per_segment = self.per_segment[which]
         return dataclasses.replace(

@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 
 from torch_activegp.diagnosis.engine import Candidate, Engine
+from torch_activegp.diagnosis.fit import Fit
 from torch_activegp.diagnosis.noise_model import NoiseModel
 from torch_activegp.diagnosis.runs import Array, Run
 from torch_activegp.diagnosis.segments import cut
@@ -16,6 +17,7 @@ from torch_activegp.diagnosis.shooting import Shooting
 STEP = 0.1
 """One step ahead means at least this long, s: in one sample a machine hardly moves by more than the noise."""
 _FIRST = 1.0
+_ROUNDS = 8
 
 
 def one_step(engine: Engine, candidate: Candidate, run: Run) -> Array:
@@ -30,21 +32,31 @@ def one_step(engine: Engine, candidate: Candidate, run: Run) -> Array:
     return np.asarray(errors[segments.counts.any(axis=1)])
 
 
-def free_run(engine: Engine, candidate: Candidate, runs: Sequence[Run], noise: NoiseModel) -> list[tuple[Array, Array]]:
+def free_run(
+    engine: Engine, candidates: Sequence[Candidate], runs: Sequence[Run], noise: NoiseModel
+) -> list[list[tuple[Array, Array]]]:
     """Positions of whole runs, each from one initial state, fitted to the first second and then to all of it.
 
     Returns:
-        For each run, positions ``(K + 1, C)``, rad or m, and the initial state, ``(nq + nv,)``.
+        For each candidate and each run, positions ``(K + 1, C)``, rad or m, and the initial state, ``(nq + nv,)``.
     """
     whole, pieces = cut(runs, 1e9, 0.0), cut(runs, _FIRST, 0.0)
-    start, model = engine.starts(whole), (candidate.effects, candidate.values)
+    start, sets = engine.starts(whole), [(candidate.effects, candidate.values) for candidate in candidates]
     heads = pieces.pick(np.flatnonzero(pieces.first == 0))
-    begun = Shooting(engine, heads, noise).fit([model], start, hold=True)[0].starts
-    fits = Shooting(engine, whole, noise).fit([model, model], np.stack([begun, start]), hold=True)
-    first = fits[0].per_segment <= fits[1].per_segment
-    starts = np.where(first[:, None], fits[0].starts, fits[1].starts)
-    predicted, _ = engine.predict(whole, starts[None], [candidate])
-    return [(predicted[0, i, : len(run)], starts[i]) for i, run in enumerate(runs)]
+    begun = [fit.starts for fit in Shooting(engine, heads, noise).fit(sets, start, _ROUNDS, hold=True)]
+    either = np.stack([*begun, *[start] * len(sets)])
+    fits = Shooting(engine, whole, noise).fit([*sets, *sets], either, _ROUNDS, hold=True)
+    starts = np.stack([_better(*pair) for pair in zip(fits[: len(sets)], fits[len(sets) :], strict=True)])
+    predicted, _ = engine.predict(whole, starts, candidates)
+    return [
+        [(path[i, : len(run)], begin[i]) for i, run in enumerate(runs)]
+        for path, begin in zip(predicted, starts, strict=True)
+    ]
+
+
+def _better(one: Fit, other: Fit) -> Array:
+    """The initial states of two fits from which each run is followed better."""
+    return np.where((one.per_segment <= other.per_segment)[:, None], one.starts, other.starts)
 
 
 def compare(
@@ -65,7 +77,10 @@ def compare(
     traces: list[dict[str, Any]] = []
     sums: dict[tuple[str, str], list[float]] = {}
     units = next(iter(models.values()))[0].channels.units
-    free = {name: free_run(engine, candidate, runs, noise) for name, (engine, candidate) in models.items()}
+    free: dict[str, list[tuple[Array, Array]]] = {}
+    for engine in dict.fromkeys(engine for engine, _ in models.values()):  # side by side where one engine has several
+        some = {name: candidate for name, (own, candidate) in models.items() if own is engine}
+        free |= zip(some, free_run(engine, list(some.values()), runs, noise), strict=True)
     for number, run in enumerate(runs):
         spread = np.maximum(run.position[run.recorded].std(axis=0), 1e-12)
         steps = {name: one_step(engine, candidate, run) for name, (engine, candidate) in models.items()}

@@ -11,17 +11,15 @@ from scipy import stats
 from torch_activegp.diagnosis.elimination import eliminate
 from torch_activegp.diagnosis.fit import Fit
 from torch_activegp.diagnosis.reference import free_force_columns
-from torch_activegp.diagnosis.runs import Array
-from torch_activegp.diagnosis.selection import Selection
+from torch_activegp.diagnosis.selection import Selection, fitted
 from torch_activegp.diagnosis.shooting import Shooting
+from torch_activegp.diagnosis.tuning import only_undoes
 from torch_activegp.physics.effect import Effect
 
 TIE = 6.0
 """Sets whose scores differ by less (odds of 20 to 1) are not told apart."""
 LEAST_SHARE = 0.002
 """What explains less of the mismatch stays in the correction and is not named."""
-RETUNED = 0.1
-"""What was tuned gains less than this part alone of what it gains beside the missing effect."""
 INADEQUATE = 0.15
 SURE = 1e-5
 DOUBT = 0.01
@@ -161,9 +159,8 @@ def _split(
     others = [e for e in best.effects if e not in tunable]
     if not tunable or not others:
         return list(best.effects), ()
-    values = dict(zip(best.effects, best.values, strict=True))
-    alone, without = (fitted(shooting, selection, some, values) for some in (tunable, others))
-    if nominal.chi2 - alone.chi2 < RETUNED * (without.chi2 - best.chi2):
+    alone, without = (fitted(shooting, selection, some) for some in (tunable, others))
+    if only_undoes(nominal, alone, without, best):
         return others, tuple(tunable)
     return list(best.effects), ()
 
@@ -174,7 +171,6 @@ def _shares(
     """Order of the effects by what each adds to those before it, and the parts."""
     best, nominal = selection.best, selection.nominal
     total = max(nominal.chi2 - best.chi2, 1e-300)
-    values = dict(zip(best.effects, best.values, strict=True))
     always = [e for e in best.effects if e not in named]
     order: list[Effect] = []
     level, shares = nominal.chi2, []
@@ -183,21 +179,12 @@ def _shares(
         if len(left) == 1:
             fits = [best]
         else:
-            fits = [fitted(shooting, selection, [*always, *order, e], values) for e in left]
+            fits = [fitted(shooting, selection, [*always, *order, e]) for e in left]
         first = min(range(len(left)), key=lambda i: fits[i].chi2)
         order.append(left[first])
         shares.append(float(np.clip((level - fits[first].chi2) / total, 0.0, 1.0)) * explained)
         level = min(level, fits[first].chi2)
     return tuple(order), tuple(shares)
-
-
-def fitted(shooting: Shooting, selection: Selection, effects: Sequence[Effect], values: dict[Effect, Array]) -> Fit:
-    """The fit of a set, which may have been compared already."""
-    known = [fit for fit in selection.fits if frozenset(fit.effects) == frozenset(effects)]
-    if known:
-        return min(known, key=lambda fit: fit.chi2)
-    start = (tuple(effects), tuple(values[effect] for effect in effects))
-    return shooting.fit([start], selection.best.starts, design=selection.best.design)[0]
 
 
 def _probability(rivals: Sequence[tuple[Fit, float, float]], effect: Effect) -> float:

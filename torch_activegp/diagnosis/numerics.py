@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 import dataclasses
+import math
 from collections.abc import Sequence
 
 import mujoco
 import numpy as np
 
+from torch_activegp.diagnosis.chaining import chained
 from torch_activegp.diagnosis.engine import Engine, substeps_for
 from torch_activegp.diagnosis.fit import Fit
 from torch_activegp.diagnosis.machine import Machine
@@ -18,13 +20,15 @@ from torch_activegp.diagnosis.shooting import Shooting
 from torch_activegp.physics.effect import Effect
 
 _STEP = 0.005
-_STIFF_STEP = 0.002
+_STIFF_STEP = 0.001
 _CLOSE = 30.0
 _ROUGHLY = 0.1
 """Where a fit leaves much more than the noise, an error of so much of what it leaves is close too."""
 _PRICE = 20.0
 _SETTLED = 0.01
+_SAME = 0.02
 _POSES = 300
+_TOUCHING = 0.01
 _LIKE_A_TIME_STEP = frozenset({"actuator_delay", "actuator_lag", "sensor_delay"})
 
 
@@ -32,19 +36,20 @@ _RUNGE_KUTTA = int(mujoco.mjtIntegrator.mjINT_RK4)
 
 
 def _stiff(machine: Machine) -> bool:
-    """Whether anything touches in the recorded poses: contacts and stops want the small step that their model has."""
+    """Whether something touches in the recorded poses, and not by chance: contacts and stops want a small time step."""
     model, channels = machine.model, machine.channels
     if model.neq or model.ntendon:
         return True
     data = mujoco.MjData(model)
+    seen = touching = 0
     for run in (*machine.fit, *machine.holdout):
         for position in run.smooth[:: max(len(run) // _POSES, 1)]:
             data.qpos[:] = model.qpos0
             data.qpos[channels.qpos] = position
             mujoco.mj_fwdPosition(model, data)
-            if data.ncon or data.nl:
-                return True
-    return False
+            seen += 1
+            touching += bool(data.ncon or data.nl)
+    return touching > _TOUCHING * seen
 
 
 def _cheap(model: mujoco.MjModel) -> int:
@@ -80,12 +85,14 @@ class Numerics:
         fine: Runge-Kutta of fourth order; the same object where the model has it already.
         coarse: the model's own integrator, few steps.
         middle: Runge-Kutta with few steps, where coarse is not close enough; dry friction wants more of them.
+        stiff: whether anything touches in the recorded poses.
     """
 
     given: Engine
     fine: Engine
     coarse: Engine
     middle: Engine
+    stiff: bool = False
 
     @classmethod
     def of(cls, machine: Machine, nthread: int = 0) -> Numerics:
@@ -100,11 +107,13 @@ class Numerics:
         seldom = max(int(np.ceil(step / _STIFF_STEP - 1e-6)), 1) if stiff else few
         same = model.opt.integrator == _RUNGE_KUTTA and often == plain
         fine = given if same else Engine(model, channels, often, nthread, _RUNGE_KUTTA)
+        halfway = max(math.ceil(often / 2), few) if stiff else few
         return cls(
             given,
             fine,
             Engine(model, channels, min(seldom, plain), nthread, _cheap(model), stride=stride),
-            fine if stiff or often == few else Engine(model, channels, few, nthread, _RUNGE_KUTTA),
+            fine if often == halfway else Engine(model, channels, halfway, nthread, _RUNGE_KUTTA),
+            stiff,
         )
 
     def choose(
@@ -153,23 +162,39 @@ class Numerics:
         return engine, working, working.fit([((), ())], nominal.starts, design=nominal.design)[0], judged
 
     def _working(self, engine: Engine, first: Shooting, rough: Fit) -> tuple[Shooting, Fit]:
-        """The cheapest form that stays close to an engine, corrected by it."""
-        judged = rough
+        """The cheapest form that stays close to an engine, corrected by it.
+
+        Where something touches, a correction holds for the instants of touching alone that it was made for; there a
+        form must reach the fit that the engine itself reaches.
+        """
+        precise = dataclasses.replace(first, engine=engine, cheap=self.coarse)
+        exact = _settled(precise, engine, rough)[1] if self.stiff else None
+        working, judged = precise, rough
         for cheap in dict.fromkeys((self.coarse, self.middle, engine)):
-            working = dataclasses.replace(first, engine=cheap, cheap=self.coarse)
-            for _ in range(2):
-                before = judged.chi2
-                working = working.corrected(engine, judged)
-                judged = working.fit([(judged.effects, judged.values)], judged.starts, design=judged.design)[0]
-                if abs(judged.chi2 - before) < _SETTLED * judged.chi2:
-                    break
+            working, judged = _settled(dataclasses.replace(precise, engine=cheap), engine, judged)
             if not np.isfinite(judged.chi2):
                 judged = rough
                 continue
-            close = _CLOSE * max(1.0, _ROUGHLY * np.sqrt(judged.chi2 / working.dof))
-            if working.offset is None or _unabsorbed(working, judged) < close:
+            if working.offset is None:
+                break
+            if exact is not None and judged.chi2 < exact.chi2 + _SAME * max(exact.chi2, float(working.dof)):
+                break
+            if exact is not None:
+                judged = exact
+            elif _unabsorbed(working, judged) < _CLOSE * max(1.0, _ROUGHLY * np.sqrt(judged.chi2 / working.dof)):
                 break
         return working, judged
+
+
+def _settled(working: Shooting, engine: Engine, judged: Fit) -> tuple[Shooting, Fit]:
+    """A form corrected by an engine where its own fit ends, and that fit."""
+    for _ in range(2):
+        before = judged.chi2
+        working = working.corrected(engine, judged)
+        judged = working.fit([(judged.effects, judged.values)], judged.starts, design=judged.design)[0]
+        if abs(judged.chi2 - before) < _SETTLED * judged.chi2:
+            break
+    return working, chained(working, judged) if np.isfinite(judged.chi2) else judged
 
 
 def _unabsorbed(shooting: Shooting, fit: Fit) -> float:

@@ -1,26 +1,22 @@
-"""Which sets are worth a fit: from a score test, from laws that contain others, and beside what may have been tuned."""
+"""Which sets are worth a fit: from a score test, and from laws that contain others."""
 
 from __future__ import annotations
 
 import dataclasses
 from collections.abc import Callable, Iterable, Sequence
 
-import mujoco
 import numpy as np
 
 from torch_activegp.diagnosis.elimination import invert
 from torch_activegp.diagnosis.fit import Fit
-from torch_activegp.diagnosis.locate import actuated_joint
 from torch_activegp.diagnosis.runs import Array
-from torch_activegp.diagnosis.screening import Atom, Screen
+from torch_activegp.diagnosis.screening import Atom
 from torch_activegp.physics.effect import Effect
 
 Set = tuple[tuple[Effect, ...], tuple[Array, ...]]
 Worth = Callable[[tuple[Atom, ...]], float]
 
 MOST = 6
-_TUNED = 0.2
-_BESIDE = 8
 _BEAM = 6
 _BEST = 2
 _START = 0.15
@@ -80,6 +76,11 @@ def companies(atoms: Sequence[Atom], worth: Worth, most: int, least: float) -> l
     return found
 
 
+def with_values(atoms: Sequence[Atom], values: Sequence[Array]) -> list[Atom]:
+    """Atoms with other parameters, those of a joint solution for example."""
+    return [dataclasses.replace(a, values=v) for a, v in zip(atoms, values, strict=True)]
+
+
 def also_little(atoms: Sequence[Atom]) -> list[Sequence[Atom]]:
     """The atoms, and where one of them can hold a joint, the same with a little of it.
 
@@ -130,68 +131,19 @@ def richer(fit: Fit, effects: Sequence[Effect]) -> list[Set]:
     return out
 
 
-def beside_tuned(model: mujoco.MjModel, screened: Screen, excess: float) -> list[Set]:
-    """Effects together with what a modeller tunes, where all of that seems to be tuned already.
-
-    A nominal that was tuned on these data sits where damping, rotor, gain and bias gain nothing; what is missing hides
-    behind their wrong values and shows only when they are free: all of them on a small machine, those of the same joint
-    on a larger one.
-
-    Args:
-        model: nominal model.
-        screened: score test on top of the nominal.
-        excess: chi2 of the nominal above the noise.
-    """
-    best = screened.best()
-    tunable = [a for a in best if a.effect.tunable]
-    if not tunable or screened.together(tunable)[0] > _TUNED * excess:
-        return []
-    found = []
-    for atom in screened.atoms:
-        if atom.effect.tunable:
-            continue
-        joint = joint_of(model, atom.effect)
-        near = [a for a in tunable if joint is None or joint_of(model, a.effect) == joint]
-        near = (near if len(tunable) > _BESIDE else tunable)[:_BESIDE]
-        if near:
-            gain, values = screened.together([atom, *near])
-            found.append((gain, atom, near, values))
-    chosen: list[Set] = []
-    seen: dict[tuple[str, str], int] = {}
-    for _, atom, near, values in sorted(found, key=lambda item: -item[0]):
-        seen[atom.effect.key] = seen.get(atom.effect.key, 0) + 1
-        if seen[atom.effect.key] <= 2 and len(chosen) < MOST:
-            chosen.append(((atom.effect, *(a.effect for a in near)), tuple(values)))
-    return chosen
-
-
-def without_weak(fit: Fit, price: float) -> Set | None:
-    """The fit without all effects whose parameters are worth less than a price each; None where there is none such."""
+def without_weak(fit: Fit, price: Callable[[Effect], float]) -> Set | None:
+    """The fit without all effects whose parameters are worth less than their price; None where there is none such."""
     inverse = invert(fit.information)
     first, kept = 0, []
     for effect, values in zip(fit.effects, fit.values, strict=True):
         part = slice(first, first + len(values))
         first += len(values)
         worth = float(values @ np.linalg.pinv(inverse[part, part]) @ values)
-        if not effect.linear or worth > price * len(values):
+        if not effect.linear or worth > price(effect):
             kept.append((effect, values))
     if len(kept) in (0, len(fit.effects)):
         return None
     return tuple(e for e, _ in kept), tuple(v for _, v in kept)
-
-
-def joint_of(model: mujoco.MjModel, effect: Effect) -> str | None:
-    """The joint that an effect acts on first; None where there is no such joint."""
-    kind, _, name = effect.target.partition(":")
-    if kind == "joint":
-        return name
-    if kind == "actuator":
-        index = mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_ACTUATOR, name)
-        return actuated_joint(model, index) if index >= 0 else None
-    if kind == "body":
-        index = mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_BODY, name)
-        return str(model.joint(int(model.body_jntadr[index])).name) if index > 0 and model.body_jntnum[index] else None
-    return name if kind == "sensor" else None
 
 
 def _part(effect: Effect, amplitude: float) -> Array:

@@ -14,16 +14,17 @@ from torch_activegp.diagnosis.proposals import (
     MOST,
     Set,
     also_little,
-    beside_tuned,
     companies,
     diverse,
     join,
     richer,
+    with_values,
     without_weak,
 )
 from torch_activegp.diagnosis.runs import Array
 from torch_activegp.diagnosis.screening import Atom, Screen, screen
 from torch_activegp.diagnosis.shooting import Shooting
+from torch_activegp.diagnosis.tuning import beside, only_undoes, undone
 from torch_activegp.physics.effect import Effect
 
 BEAM = 2
@@ -53,6 +54,7 @@ class Score:
         names: number of (name, target) pairs that were tried.
         scale: variance of the noise in units of the noise model.
         mismatch: what there is to explain: the nominal's chi2 above the noise.
+        free: (name, target) pairs of what seems to be tuned already: they are no names, and cost their parameters.
 
     Reference: Chen, Chen, *Extended Bayesian Information Criteria for Model Selection with Large Model Spaces*,
     Biometrika 95 (2008).
@@ -62,6 +64,7 @@ class Score:
     names: int
     scale: float
     mismatch: float = 0.0
+    free: frozenset[tuple[str, str]] = frozenset()
 
     def __call__(self, fit: Fit) -> float:
         """Extended BIC; smaller is better."""
@@ -78,10 +81,21 @@ class Score:
 
     def price(self, effects: Sequence[Effect]) -> float:
         """What a set must gain to be worth it."""
-        parameters = sum(len(effect.parameters) for effect in effects)
         least = 0.5 * MATERIAL * self.mismatch / self.scale
-        a_parameter, a_name = math.log(self.samples), 2.0 * math.log(max(self.names, 2))
-        return parameters * max(a_parameter, least) + len(effects) * max(a_name, least)
+        named = [effect for effect in effects if effect.key not in self.free]
+        parameters = sum(len(effect.parameters) for effect in named)
+        nuisances = sum(len(effect.parameters) for effect in effects) - parameters
+        a_name = max(2.0 * math.log(max(self.names, 2)), least)
+        return parameters * max(self.a_parameter, least) + nuisances * self.a_parameter + len(named) * a_name
+
+    @property
+    def a_parameter(self) -> float:
+        """What a parameter must gain at least."""
+        return math.log(self.samples)
+
+    def names_in(self, effects: Sequence[Effect]) -> int:
+        """How many effects of a set are more than an undone tuning."""
+        return sum(effect.key not in self.free for effect in effects)
 
 
 @dataclasses.dataclass
@@ -118,6 +132,7 @@ def select(
     sets: Sequence[tuple[Sequence[Effect], Sequence[Array]]] = (),
     starts: Array | None = None,
     tell: Callable[[str], None] = lambda _: None,
+    free: frozenset[tuple[str, str]] = frozenset(),
 ) -> Selection:
     """Chooses effects that explain the residuals.
 
@@ -128,14 +143,30 @@ def select(
         sets: to begin from besides the nominal, with first guesses.
         starts: initial states for them.
         tell: hears what is being done.
+        free: what seemed to be tuned already, :attr:`Score.free`.
     """
     names = len({effect.key for effect in effects})
-    selection = Selection(nominal, [nominal], Score(shooting.samples, names, 1.0))
+    selection = Selection(nominal, [nominal], Score(shooting.samples, names, 1.0, free=free))
     if sets:
         states = nominal.starts if starts is None else starts
         selection.fits += [f for f in shooting.fit(sets, states, design=nominal.design) if np.isfinite(f.chi2)]
         _rescale(selection, shooting)
     expanded: set[frozenset[Effect]] = set()
+    _search(selection, shooting, effects, expanded, tell)
+    if selection.score.free and not _only_undoes(selection, shooting):
+        selection.score = dataclasses.replace(selection.score, free=frozenset())
+        _search(selection, shooting, effects, expanded, tell)
+    return selection
+
+
+def _search(
+    selection: Selection,
+    shooting: Shooting,
+    effects: Sequence[Effect],
+    expanded: set[frozenset[Effect]],
+    tell: Callable[[str], None],
+) -> None:
+    """Develops the best sets until none is left that could become the best."""
     swapped: frozenset[Effect] = frozenset()
     swaps = 0
     for _ in range(2 * MAX_EFFECTS):
@@ -152,20 +183,41 @@ def select(
             continue
         for fit in beam:
             expanded.add(frozenset(fit.effects))
-            if len(fit.effects) < MAX_EFFECTS and not _hopeless(selection, shooting, 2):
+            if selection.score.names_in(fit.effects) < MAX_EFFECTS and not _hopeless(selection, shooting, 2):
                 tell(f"testing what comes on top of {len(fit.effects)} effects")
                 _expand(selection, shooting, effects, fit)
         _simplify(selection, shooting, effects)
         _rescale(selection, shooting)
-    return selection
+
+
+def _only_undoes(selection: Selection, shooting: Shooting) -> bool:
+    """Whether what seems to be tuned is no more than that in the best set."""
+    best, free = selection.best, selection.score.free
+    tunable = [e for e in best.effects if e.key in free]
+    others = [e for e in best.effects if e.key not in free]
+    if not tunable or not others:
+        return bool(others)
+    alone, without = (fitted(shooting, selection, some) for some in (tunable, others))
+    return only_undoes(selection.nominal, alone, without, best)
+
+
+def fitted(shooting: Shooting, selection: Selection, effects: Sequence[Effect]) -> Fit:
+    """The fit of a part of the best set, which may have been compared already."""
+    known = [fit for fit in selection.fits if frozenset(fit.effects) == frozenset(effects)]
+    if known:
+        return min(known, key=lambda fit: fit.chi2)
+    best = selection.best
+    values = dict(zip(best.effects, best.values, strict=True))
+    start = (tuple(effects), tuple(values[effect] for effect in effects))
+    return shooting.fit([start], best.starts, design=best.design)[0]
 
 
 def _expand(selection: Selection, shooting: Shooting, effects: Sequence[Effect], fit: Fit) -> None:
     """Fits the most promising sets that contain a fit and something more."""
     screened = screen(shooting, fit, _allowed(effects, fit))
     proposed = [*_proposals(selection, fit, screened), *richer(fit, effects)]
-    if not fit.effects:
-        proposed += beside_tuned(shooting.engine.model, screened, fit.chi2 - shooting.dof)
+    if selection.score.names_in(fit.effects) < len(fit.effects):
+        proposed += undone(fit, screened, selection.score.a_parameter * selection.score.scale)
     known = {frozenset(f.effects) for f in selection.fits}
     fresh = [p for p in proposed if frozenset(p[0]) not in known]
     if fresh:
@@ -207,10 +259,22 @@ def _proposals(selection: Selection, fit: Fit, screened: Screen) -> list[Set]:
     singles = [a for a in best[: 4 * MOST] if worth(selection.score, (a,)) > 0.0]
     chosen: list[Sequence[Atom]] = [(a,) for a in diverse(sorted(singles, key=lambda a: -worth(selection.score, (a,))))]
     lenient = functools.cache(functools.partial(worth, selection.score.before_any_fit(selection.nominal)))
-    for company in companies(best[:_COMPANY], lenient, MAX_EFFECTS - len(fit.effects), _MORE):
-        values = screened.together(company)[1]
-        chosen.append([dataclasses.replace(a, values=v) for a, v in zip(company, values, strict=True)])
+    most = MAX_EFFECTS - selection.score.names_in(fit.effects)
+    together = companies(best[:_COMPANY], lenient, most, _MORE)
+    chosen += [with_values(company, screened.together(company)[1]) for company in together]
+    if not fit.effects:
+        chosen += _beside(selection, screened, max(map(lenient, [*together, *((a,) for a in singles)]), default=0.0))
     return [join(fit, some) for atoms in chosen for some in also_little(atoms)]
+
+
+def _beside(selection: Selection, screened: Screen, worth: float) -> list[list[Atom]]:
+    """Effects beside what may have been tuned, where they are worth more than anything without it."""
+    found = beside(screened, selection.score.a_parameter)
+    if not found or found[0][0] < worth + _MORE:
+        return []
+    free = frozenset(atom.effect.key for atom in screened.atoms if atom.effect.tunable)
+    selection.score = dataclasses.replace(selection.score, free=free)
+    return [atoms for _, atoms in found]
 
 
 def _simplify(selection: Selection, shooting: Shooting, effects: Sequence[Effect]) -> None:
@@ -227,7 +291,7 @@ def _simplify(selection: Selection, shooting: Shooting, effects: Sequence[Effect
                 trials.append([*others, (simpler, np.array([value[: effect.linear].mean()]))])
                 trials += [[*trials[-1], more] for more in _offset(best, effect, value, effects)]
     sets = [(tuple(e for e, _ in t), tuple(v for _, v in t)) for t in trials]
-    fewer = without_weak(best, selection.score.scale * selection.score.price(best.effects[:1]))
+    fewer = without_weak(best, lambda effect: selection.score.scale * selection.score.price([effect]))
     sets = [s for s in [*sets, *([fewer] if fewer else [])] if frozenset(s[0]) not in known]
     if sets:
         selection.fits += [
@@ -251,27 +315,43 @@ def _offset(best: Fit, effect: Effect, value: Array, effects: Sequence[Effect]) 
 def _swap(selection: Selection, shooting: Shooting, effects: Sequence[Effect]) -> None:
     """Tries other effects in place of each effect of the best set: rivals, and the way out of a false start."""
     best = selection.best
-    by_effects = {frozenset(f.effects): f for f in selection.fits}
-    for k, effect in enumerate(best.effects):
-        others = tuple(e for i, e in enumerate(best.effects) if i != k)
-        smaller = by_effects.get(frozenset(others))
-        if smaller is None:
-            values = tuple(v for i, v in enumerate(best.values) if i != k)
-            smaller = shooting.fit([(others, values)], best.starts, design=best.design)[0]
-            selection.fits.append(smaller)
-        share = min(max(_PLENTY / max(smaller.chi2 - best.chi2, 1.0), _PART), 1.0)
-        part, which = shooting.subset(share)
-        screened = screen(part, smaller.pick(which), _allowed(effects, smaller))
+    smaller = _without_each(selection, shooting)
+    if not smaller:
+        return
+    gain = min(fit.chi2 for _, fit in smaller) - best.chi2
+    part, which = shooting.subset(min(max(_PLENTY / max(gain, 1.0), _PART), 1.0))
+    fresh: dict[frozenset[Effect], Set] = {}
+    for effect, fit in smaller:
+        screened = screen(part, fit.pick(which), _allowed(effects, fit))
         least = ALIKE * max((a.gain for a in screened.atoms if a.effect.key == effect.key), default=0.0)
         atoms = [a for a in screened.best() if a.gain >= least and not _same_or_more(a.effect, effect)]
-        proposals = [join(smaller, [atom]) for atom in diverse(atoms, RIVALS)]
-        fresh = [p for p in proposals if frozenset(p[0]) not in by_effects]
-        if fresh and share < 1.0:
-            here = best.pick(which)
-            trials = part.fit(fresh, here.starts, race=True, design=here.design)
-            close = here.chi2 + _CLOSE * selection.score.scale
-            fresh = [(f.effects, f.values) for f in trials if f.chi2 < close]
-        if fresh:
-            fits = shooting.fit(fresh, best.starts, race=True, design=best.design)
-            selection.fits += [f for f in fits if np.isfinite(f.chi2)]
+        for atom in diverse(atoms, RIVALS):
+            rival = join(fit, [atom])
+            fresh.setdefault(frozenset(rival[0]), rival)
+    for known in selection.fits:
+        fresh.pop(frozenset(known.effects), None)
+    sets = list(fresh.values())
+    if sets and part.segments.size < shooting.segments.size:
+        here = best.pick(which)
+        trials = part.fit(sets, here.starts, race=True, design=here.design)
+        sets = [(f.effects, f.values) for f in trials if f.chi2 < here.chi2 + _CLOSE * selection.score.scale]
+    if sets:
+        fits = shooting.fit(sets, best.starts, race=True, design=best.design)
+        selection.fits += [f for f in fits if np.isfinite(f.chi2)]
     _rescale(selection, shooting)
+
+
+def _without_each(selection: Selection, shooting: Shooting) -> list[tuple[Effect, Fit]]:
+    """The best set without each of its effects that could be another one."""
+    best = selection.best
+    named = [effect for effect in best.effects if effect.key not in selection.score.free]
+    rests = {effect: [e for e in best.effects if e is not effect] for effect in named}
+    known = {frozenset(fit.effects): fit for fit in selection.fits}
+    values = dict(zip(best.effects, best.values, strict=True))
+    unknown = [rest for rest in rests.values() if frozenset(rest) not in known]
+    if unknown:
+        sets = [(rest, [values[e] for e in rest]) for rest in unknown]
+        for fit in shooting.fit(sets, best.starts, design=best.design):
+            selection.fits.append(fit)
+            known[frozenset(fit.effects)] = fit
+    return [(effect, known[frozenset(rest)]) for effect, rest in rests.items()]

@@ -73,8 +73,7 @@ def _effect(
     """What becomes of one effect; the last of the fits is to everything."""
     labels, kept, whole = parts
     others = [e for e in fit.effects if e is not effect]
-    values = dict(zip(fit.effects, fit.values, strict=True))
-    without = refit(shooting, fitted(shooting, selection, others, values), kept)
+    without = refit(shooting, fitted(shooting, selection, others), kept)
     fall = (without.per_segment - whole.per_segment[:-1]) / selection.score.scale
     inside, outside = (np.where(which, fall, 0.0).sum(axis=1) for which in (kept, ~kept))
     rests = inside < np.array([_price(selection.score, shooting.pick(part), effect) for part in kept])

@@ -1,0 +1,69 @@
+from __future__ import annotations
+
+import dataclasses
+
+import numpy as np
+import pytest
+
+from torch_activegp.diagnosis.screening import Atom, Screen
+from torch_activegp.diagnosis.tuning import beside, only_undoes, paying, undone
+
+NAMES = ("cubic_spring", "quadratic_drag", "viscous_friction", "armature_error")
+PRICE = 9.0
+
+
+@pytest.fixture
+def screened(bench) -> Screen:
+    """A spring is missing; damping and rotor were tuned to make up for it, so that both gain nothing alone."""
+    rng = np.random.default_rng(0)
+    columns = rng.normal(size=(400, 4))
+    columns[:, 0] = columns[:, 2] - 0.8 * columns[:, 3] + 0.3 * columns[:, 0]
+    hidden = columns[:, 0] * 4.0
+    tuned = columns[:, 2:]
+    residual = hidden - tuned @ np.linalg.lstsq(tuned, hidden, rcond=None)[0]
+    normal, gradient = columns.T @ columns, columns.T @ residual
+    atoms = []
+    for i, name in enumerate(NAMES):
+        seed = np.array([1.0])
+        gain = float(gradient[i] ** 2 / normal[i, i])
+        atoms.append(Atom(bench.effect(name), seed, gain, slice(i, i + 1), seed))
+    return Screen(tuple(atoms), normal, gradient)
+
+
+def test_what_hides_behind_a_tuning_shows_beside_it(screened) -> None:
+    hidden, other, *tunable = screened.atoms
+    assert max(atom.gain for atom in tunable) < 1e-6
+    (gain, atoms), *rest = beside(screened, PRICE)
+    assert {atom.effect for atom in atoms} == {hidden.effect, *(atom.effect for atom in tunable)}
+    assert gain == pytest.approx(screened.joint_gain(atoms) - 3 * PRICE)
+    assert gain > 2 * hidden.gain
+    np.testing.assert_allclose(atoms[0].values, 4.0, rtol=1e-6)
+    assert [found[0].effect for _, found in rest] == [other.effect]
+
+
+def test_only_what_pays_stays(screened) -> None:
+    hidden, _, *tunable = screened.atoms
+    assert paying(screened, [hidden], tunable, PRICE) == tunable
+    assert paying(screened, [hidden], tunable, 1e9) == []
+    assert paying(screened, [], tunable, PRICE) == []
+
+
+def test_what_is_undone_comes_on_top_of_a_set(bench) -> None:
+    fit = bench.fit("cubic_spring", 0.1)
+    atom = Atom(bench.effect("viscous_friction"), np.array([0.06]), 50.0, slice(0, 1), np.array([0.06]))
+    found = Screen((atom,), np.array([[50.0]]), np.array([50.0]))
+    ((effects, values),) = undone(fit, found, PRICE)
+    assert effects == (*fit.effects, atom.effect)
+    np.testing.assert_allclose(values[-1], 0.06)
+    assert undone(fit, found, 100.0) == []
+
+
+def test_a_tuning_gains_less_alone_than_beside_what_it_hides(bench) -> None:
+    def fit(chi2: float, count: int = 1):
+        return dataclasses.replace(bench.nominal, chi2=chi2, effects=(bench.effect("viscous_friction"),) * count)
+
+    nominal, best = fit(1000.0), fit(0.0)
+    assert only_undoes(nominal, fit(990.0), fit(300.0), best)
+    assert not only_undoes(nominal, fit(750.0), fit(300.0), best)
+    assert not only_undoes(nominal, fit(100.0), fit(300.0), best)
+    assert only_undoes(nominal, fit(100.0, count=3), fit(300.0), best)

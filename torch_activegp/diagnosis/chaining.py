@@ -1,0 +1,63 @@
+"""Initial states from the segment before: a way out where the smoothed recording misleads, as it does at an impact."""
+
+from __future__ import annotations
+
+import dataclasses
+
+import numpy as np
+from numpy.typing import NDArray
+
+from torch_activegp.diagnosis.fit import Fit
+from torch_activegp.diagnosis.runs import Array
+from torch_activegp.diagnosis.shooting import Shooting
+
+_STANDS_OUT = 3.0
+_ROUNDS = 3
+_STEPS = 8
+_BETTER = 0.5
+
+
+def chained(shooting: Shooting, fit: Fit) -> Fit:
+    """The fit with segments that stand out begun where the segments before them lead, wherever that is better.
+
+    The speed at an impact is not what a smoothed recording shows, and no derivative leads from one side of an impact to
+    the other. The simulation of the segment before knows on which side the machine was.
+
+    Args:
+        shooting: the likelihood.
+        fit: of any set.
+    """
+    segments, before = shooting.segments, fit
+    samples = np.maximum(segments.counts.sum(axis=1) * segments.position.shape[-1], 1)
+    for _ in range(_ROUNDS):
+        level = fit.per_segment / samples
+        which = np.flatnonzero(level > _STANDS_OUT * max(float(np.median(level)), 1.0))
+        if not len(which):
+            break
+        starts = _continued(shooting, fit)[which]
+        other = shooting.pick(which).fit([(fit.effects, fit.values)], starts, rounds=_STEPS, hold=True)[0]
+        better = other.per_segment < fit.per_segment[which] - _BETTER
+        if not better.any():
+            break
+        fit = _with(fit, which[better], other.pick(better))
+    return shooting.fit([(fit.effects, fit.values)], fit.starts)[0] if fit is not before and fit.effects else fit
+
+
+def _with(fit: Fit, which: NDArray[np.int64], part: Fit) -> Fit:
+    """A fit with some of its segments begun elsewhere."""
+    columns = {}
+    for name in ("starts", "per_segment", "design"):
+        columns[name] = getattr(fit, name).copy()
+        columns[name][which] = getattr(part, name)
+    return dataclasses.replace(fit, chi2=float(columns["per_segment"].sum()), **columns)
+
+
+def _continued(shooting: Shooting, fit: Fit) -> Array:
+    """The states at which the segments before arrive, ``(S, n)``; where there is none, those of the fit."""
+    segments, starts = shooting.segments, fit.starts.copy()
+    along = shooting.engine.trajectories(segments, fit.starts, fit.candidate)
+    for s in range(1, segments.size):
+        rows = segments.first[s] - segments.first[s - 1]
+        if segments.run[s] == segments.run[s - 1] and 0 < rows <= segments.intervals:
+            starts[s] = along[s - 1, rows]
+    return np.where(np.isfinite(starts), starts, fit.starts)
