@@ -11,7 +11,7 @@ import pytest
 
 from torch_activegp.diagnosis import Checkpoint, Diagnosis, diagnose
 from torch_activegp.diagnosis.candidate import Candidate
-from torch_activegp.diagnosis.selection import Score
+from torch_activegp.diagnosis.score import Score
 
 
 @pytest.fixture

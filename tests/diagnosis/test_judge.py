@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 
 from torch_activegp.diagnosis.judge import judge, omnibus
-from torch_activegp.diagnosis.selection import Score, Selection
+from torch_activegp.diagnosis.score import Score
+from torch_activegp.diagnosis.selection import Selection
 
 
 def selection(bench, *fits, names: int = 20) -> Selection:

@@ -15,8 +15,9 @@ from torch_activegp.diagnosis.noise_model import NoiseModel
 from torch_activegp.diagnosis.places import effects_for
 from torch_activegp.diagnosis.refit import Refits, refit
 from torch_activegp.diagnosis.result import Stability
+from torch_activegp.diagnosis.score import Score
 from torch_activegp.diagnosis.segments import cut
-from torch_activegp.diagnosis.selection import Score, Selection
+from torch_activegp.diagnosis.selection import Selection
 from torch_activegp.diagnosis.shooting import Shooting
 from torch_activegp.diagnosis.stability import _parts, stability
 

@@ -1,0 +1,33 @@
+from __future__ import annotations
+
+import dataclasses
+
+import numpy as np
+import pytest
+
+from torch_activegp.diagnosis.score import Score
+
+
+def test_a_name_and_a_parameter_have_their_price(bench) -> None:
+    one, two = bench.effect("viscous_friction"), bench.effect("hysteresis")
+    score = Score(samples=1000, names=30, scale=1.0)
+    assert score.price([]) == 0.0
+    assert score.price([one]) == pytest.approx(math.log(1000) + 2 * math.log(30))
+    assert score.price([one, two]) == pytest.approx(3 * math.log(1000) + 4 * math.log(30))
+    larger = dataclasses.replace(score, mismatch=1e6)
+    assert larger.price([one]) > 100 * score.price([one])
+
+
+def test_the_score_is_chi2_in_units_of_the_noise_and_the_price(bench) -> None:
+    score = Score(samples=400, names=10, scale=2.0)
+    assert score(bench.nominal) == pytest.approx(bench.nominal.chi2 / 2.0)
+    fit = bench.fit("viscous_friction", 0.05)
+    assert score(fit) == pytest.approx(fit.chi2 / 2.0 + score.price(fit.effects))
+
+
+def test_what_seems_tuned_costs_its_parameters_alone(bench) -> None:
+    score = Score(samples=1000, names=30, scale=1.0, mismatch=1e6)
+    effects = [bench.effect("cubic_spring"), bench.effect("viscous_friction")]
+    lenient = dataclasses.replace(score, free=frozenset({effects[1].key}))
+    assert lenient.names_in(effects) == 1 < score.names_in(effects)
+    assert lenient.price(effects) == pytest.approx(score.price(effects[:1]) + np.log(1000))

@@ -1,0 +1,68 @@
+"""How sets of effects compare: what they leave of the mismatch, and what their names cost."""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+from collections.abc import Sequence
+
+from torch_activegp.diagnosis.fit import Fit
+from torch_activegp.physics.effect import Effect
+
+SLACK = 8.0
+MATERIAL = 0.006
+"""An effect that explains less of the mismatch than this is not named: simulators differ by that much."""
+_LENIENT = 0.3
+
+
+@dataclasses.dataclass(frozen=True)
+class Score:
+    """Compares sets: chi2 in units of the noise that is left, and a price for every parameter and every name.
+
+    Args:
+        samples: number of recorded positions.
+        names: number of (name, target) pairs that were tried.
+        scale: variance of the noise in units of the noise model.
+        mismatch: what there is to explain: the nominal's chi2 above the noise.
+        free: (name, target) pairs of what seems to be tuned already: they are no names, and cost their parameters.
+
+    Reference: Chen, Chen, *Extended Bayesian Information Criteria for Model Selection with Large Model Spaces*,
+    Biometrika 95 (2008).
+    """
+
+    samples: int
+    names: int
+    scale: float
+    mismatch: float = 0.0
+    free: frozenset[tuple[str, str]] = frozenset()
+
+    def __call__(self, fit: Fit) -> float:
+        """Extended BIC; smaller is better."""
+        return fit.chi2 / self.scale + self.price(fit.effects)
+
+    @property
+    def slack(self) -> float:
+        """Sets behind the best one by less are developed too: about the price of one more name."""
+        return SLACK + 0.5 * MATERIAL * self.mismatch / self.scale
+
+    def before_any_fit(self, nominal: Fit) -> Score:
+        """The score by the noise model, where no fit tells yet what noise is left; lenient, for it only proposes."""
+        return dataclasses.replace(self, scale=1.0, mismatch=_LENIENT * max(nominal.chi2 - self.samples, 0.0))
+
+    def price(self, effects: Sequence[Effect]) -> float:
+        """What a set must gain to be worth it."""
+        least = 0.5 * MATERIAL * self.mismatch / self.scale
+        named = [effect for effect in effects if effect.key not in self.free]
+        parameters = sum(len(effect.parameters) for effect in named)
+        nuisances = sum(len(effect.parameters) for effect in effects) - parameters
+        a_name = max(2.0 * math.log(max(self.names, 2)), least)
+        return parameters * max(self.a_parameter, least) + nuisances * self.a_parameter + len(named) * a_name
+
+    @property
+    def a_parameter(self) -> float:
+        """What a parameter must gain at least."""
+        return math.log(self.samples)
+
+    def names_in(self, effects: Sequence[Effect]) -> int:
+        """How many effects of a set are more than an undone tuning."""
+        return sum(effect.key not in self.free for effect in effects)
