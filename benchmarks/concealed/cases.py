@@ -16,10 +16,10 @@ import pandas as pd
 from benchmarks.concealed import conceal, retune
 from benchmarks.concealed.effects import HOMES, NAMES, draw_effect
 from benchmarks.concealed.equivalence import overlap
-from benchmarks.concealed.evaluate import COARSE, misfit, windows
+from benchmarks.concealed.evaluate import COARSE, misfit, touches, windows
 from benchmarks.concealed.hidden import Hidden, Typical
 from benchmarks.concealed.outside import OUTSIDE, draw_outside
-from benchmarks.concealed.plant import A, Plant, read_plant
+from benchmarks.concealed.plant import A, J, Plant, read_plant
 from benchmarks.concealed.systems import SYSTEMS, write_model
 from benchmarks.concealed.truth import Motion, simulate
 
@@ -236,6 +236,8 @@ class Draft:
         motions = self.move(truth, self.runs)
         if not all(np.isfinite(motion.q).all() and np.abs(motion.v).max() < 100 for motion in motions):
             raise UnreachableError
+        if not np.isfinite(self.plant.joint[:, J.WALL]).any() and touches(self.model, motions):
+            raise UnreachableError  # links of the model that meet, where those of the truth pass through each other
         found = windows(self.times[: self.count], motions[: self.count], self.number)
         text, nominal = self.text, self.plant
         if self.spec.kind == "retuned":

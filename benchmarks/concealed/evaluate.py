@@ -1,10 +1,11 @@
-"""How wrong a plant is about motions: windows of 1 s with free initial states, over the noise."""
+"""How wrong a plant is about motions: windows of 1 s with free initial states, over the noise; and what touches."""
 
 from __future__ import annotations
 
 import dataclasses
 from collections.abc import Callable, Sequence
 
+import mujoco
 import numpy as np
 
 from benchmarks.concealed.plant import J, Plant, copy
@@ -75,3 +76,14 @@ def misfit(plant: Plant, found: Sequence[Window], deviation: np.ndarray) -> floa
         total += float(residual @ residual)
         freedom += residual.size - 2 * len(window.q)
     return 1 + total / freedom if np.isfinite(total) else np.inf
+
+
+def touches(model: mujoco.MjModel, motions: Sequence[Motion]) -> bool:
+    """Whether anything touches anything in any pose of some motions."""
+    data = mujoco.MjData(model)
+    for q in np.vstack([motion.q[::3] for motion in motions]):
+        data.qpos[:] = q
+        mujoco.mj_fwdPosition(model, data)
+        if data.ncon:
+            return True
+    return False

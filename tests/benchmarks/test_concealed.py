@@ -15,10 +15,11 @@ pytest.importorskip("numba")
 
 from benchmarks.concealed.cases import COUNTS, list_cases, make_case
 from benchmarks.concealed.dynamics import mass_and_bias, read_tree, room
+from benchmarks.concealed.evaluate import touches
 from benchmarks.concealed.peers import regression
 from benchmarks.concealed.plant import J, read_plant
 from benchmarks.concealed.systems import SYSTEMS, write_model
-from benchmarks.concealed.truth import open_loop, simulate
+from benchmarks.concealed.truth import Motion, open_loop, simulate
 
 
 @pytest.mark.parametrize("name", SYSTEMS)
@@ -87,6 +88,13 @@ def test_play_moves_the_load_only_when_the_rotor_has_crossed_it() -> None:
     after = time > contact + 0.02
     speed, since = contact / 3, time[after] - contact  # inelastic: momentum is shared
     np.testing.assert_allclose(motion.q[after, 0], speed * since + since**2 / 6, atol=2e-4)
+
+
+def test_poses_in_which_links_meet_are_seen() -> None:
+    model = mujoco.MjModel.from_xml_string(write_model(SYSTEMS["arm3"], 100, np.random.default_rng(0)))
+    apart, folded = np.zeros((4, 3)), np.tile([0.0, 0.0, 2.6], (4, 1))
+    assert not touches(model, [Motion(apart, apart, apart, apart)])
+    assert touches(model, [Motion(apart, apart, apart, apart), Motion(folded, apart, apart, apart)])
 
 
 def test_a_set_is_fixed_by_its_seed_and_large_enough() -> None:

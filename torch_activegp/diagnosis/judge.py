@@ -11,7 +11,7 @@ from scipy import stats
 from torch_activegp.diagnosis.elimination import eliminate
 from torch_activegp.diagnosis.fit import Fit
 from torch_activegp.diagnosis.reference import free_force_columns
-from torch_activegp.diagnosis.selection import Selection, fitted
+from torch_activegp.diagnosis.selection import MAX_EFFECTS, Selection, fitted
 from torch_activegp.diagnosis.shooting import Shooting
 from torch_activegp.diagnosis.tuning import only_undoes
 from torch_activegp.physics.effect import Effect
@@ -21,6 +21,9 @@ TIE = 6.0
 LEAST_SHARE = 0.002
 """What explains less of the mismatch stays in the correction and is not named."""
 INADEQUATE = 0.15
+"""A set that leaves more of the mismatch than this does not explain it."""
+CROWDED = 0.04
+"""The same where as many names as are tried leave it: what is missing is not on the list."""
 SURE = 1e-5
 DOUBT = 0.01
 VISIBLE = 0.3
@@ -120,7 +123,8 @@ def judge(shooting: Shooting, selection: Selection) -> Judgement:
     probabilities = tuple(_probability(rivals, effect) for effect in order)
     ties = tuple(_ties(rivals, best, effect) for effect in order)
     p_value = min(before.p_value, float(stats.chi2.sf(gain / selection.score.scale, best.size)) * selection.score.names)
-    if after.p_value < DOUBT and unexplained > INADEQUATE:
+    crowded = selection.score.names_in(best.effects) >= MAX_EFFECTS and unexplained > CROWDED
+    if after.p_value < DOUBT and (unexplained > INADEQUATE or crowded):
         verdict = "unknown" if _visible(shooting, before) else "none"
     else:
         verdict = "tie" if any(ties) else "named"
