@@ -33,12 +33,15 @@ def screened(bench) -> Screen:
 def test_what_hides_behind_a_tuning_shows_beside_it(screened) -> None:
     hidden, other, *tunable = screened.atoms
     assert max(atom.gain for atom in tunable) < 1e-6
-    (gain, atoms), *rest = beside(screened, PRICE)
+    atoms, *rest = beside(screened, PRICE, 0.0, 0.0)
     assert {atom.effect for atom in atoms} == {hidden.effect, *(atom.effect for atom in tunable)}
-    assert gain == pytest.approx(screened.joint_gain(atoms) - 3 * PRICE)
-    assert gain > 2 * hidden.gain
+    worth = screened.joint_gain(atoms) - 3 * PRICE
+    assert worth > 2 * hidden.gain
     np.testing.assert_allclose(atoms[0].values, 4.0, rtol=1e-6)
-    assert [found[0].effect for _, found in rest] == [other.effect]
+    assert [found[0].effect for found in rest] == [other.effect]
+    assert beside(screened, PRICE, 0.9 * worth, 1.05 * worth)
+    assert beside(screened, PRICE, worth, 0.0) == []
+    assert beside(screened, PRICE, 0.0, 1.2 * worth) == []
 
 
 def test_only_what_pays_stays(screened) -> None:

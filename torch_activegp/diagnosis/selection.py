@@ -206,18 +206,13 @@ def _proposals(selection: Selection, fit: Fit, screened: Screen) -> list[Set]:
     together = companies(best[:_COMPANY], lenient, most, _MORE)
     chosen += [with_values(company, screened.together(company)[1]) for company in together]
     if not fit.effects:
-        chosen += _beside(selection, screened, max(map(lenient, [*together, *((a,) for a in singles)]), default=0.0))
+        alone = max((lenient((a,)) for a in singles), default=0.0)
+        hidden = beside(screened, selection.score.a_parameter, alone, max([alone, *map(lenient, together)]))
+        if hidden:
+            free = frozenset(atom.effect.key for atom in screened.atoms if atom.effect.tunable)
+            selection.score = dataclasses.replace(selection.score, free=free)
+        chosen += hidden
     return [join(fit, some) for atoms in chosen for some in also_little(atoms)]
-
-
-def _beside(selection: Selection, screened: Screen, worth: float) -> list[list[Atom]]:
-    """Effects beside what may have been tuned, where they are worth more than anything without it."""
-    found = beside(screened, selection.score.a_parameter)
-    if not found or found[0][0] < worth + _MORE:
-        return []
-    free = frozenset(atom.effect.key for atom in screened.atoms if atom.effect.tunable)
-    selection.score = dataclasses.replace(selection.score, free=free)
-    return [atoms for _, atoms in found]
 
 
 def _simplify(selection: Selection, shooting: Shooting, effects: Sequence[Effect]) -> None:

@@ -9,12 +9,15 @@ from torch_activegp.diagnosis.proposals import Set, join, with_values
 from torch_activegp.diagnosis.screening import Atom, Screen
 
 _MOST = 4
+_MORE = 20.0
+_HELPED = 1.05
+_NEARLY = 0.9
 _HIDDEN = 0.75
 _MANY = 3
 
 
-def beside(screened: Screen, price: float) -> list[tuple[float, list[Atom]]]:
-    """Effects together with those tunable ones that pay beside them, and what all gain less their price.
+def beside(screened: Screen, price: float, alone: float, together: float) -> list[list[Atom]]:
+    """Effects together with those tunable ones that pay beside them, best first; none where that helps little.
 
     What a modeller has tuned (damping, rotor, gain, bias) gains little alone, and what is missing gains little alone
     too: it hides behind their wrong values, and shows only when they are free.
@@ -22,6 +25,8 @@ def beside(screened: Screen, price: float) -> list[tuple[float, list[Atom]]]:
     Args:
         screened: score test on top of the nominal.
         price: what a parameter must gain.
+        alone: what the best effect alone is worth; a tuning must help more.
+        together: what the best effects in any company are worth; a tuning must be worth nearly as much.
     """
     tunable = [atom for atom in screened.best() if atom.effect.tunable]
     found = [(screened.joint_gain([a, *tunable]), a) for a in screened.atoms if not a.effect.tunable]
@@ -33,7 +38,10 @@ def beside(screened: Screen, price: float) -> list[tuple[float, list[Atom]]]:
             some = [atom, *paying(screened, [atom], tunable, price)]
             gain, values = screened.together(some)
             chosen.append((gain - price * sum(map(len, values)), with_values(some, values)))
-    return sorted(chosen, key=lambda item: -item[0])
+    worth = max((worth for worth, _ in chosen), default=0.0)
+    if worth < max(alone + _MORE, _HELPED * alone, _NEARLY * together):
+        return []
+    return [some for _, some in sorted(chosen, key=lambda item: -item[0])]
 
 
 def undone(fit: Fit, screened: Screen, price: float) -> list[Set]:
