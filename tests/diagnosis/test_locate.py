@@ -4,7 +4,7 @@ import mujoco
 import numpy as np
 import pytest
 
-from torch_activegp.diagnosis.locate import Region, actuated_joint, entries, locate
+from torch_activegp.diagnosis.locate import Region, actuated_joint, entries, locate, somewhere
 
 
 def region(joint: str, force: list[float], over: str = "qpos.a", gain: float = 100.0, adjusted: float = 1e-9) -> Region:
@@ -53,6 +53,23 @@ def test_every_joint_with_something_gets_an_entry_by_share() -> None:
     assert [entry["share"] for entry in found] == pytest.approx([0.5, 0.2])
     assert found[0]["region"] == {"qvel.b": [0.0, 10.0]}
     assert found[1]["region"] == {"qpos.a": [3.0, 5.0]}
+
+
+def test_what_is_named_says_where_it_acts(bench) -> None:
+    stop, slip = bench.effect("joint_stop"), bench.effect("stribeck_friction")
+    assert somewhere(bench.engine.model, [(bench.effect("viscous_friction"), np.array([0.1]))]) == {}
+    (end,) = somewhere(bench.engine.model, [(stop, np.array([9.0, 1.0, 0.7])), (slip, np.ones(3))]).values()
+    assert end == (("qpos.hip", 0.7, np.inf) if stop.variant == "upper" else ("qpos.hip", -np.inf, -0.7))
+    zone = somewhere(bench.engine.model, [(bench.effect("actuator_dead_zone", "actuator:drive"), np.array([0.2]))])
+    assert zone == {"hip": ("ctrl.drive", -0.2, 0.2)}
+    slow = somewhere(bench.engine.model, [(slip, np.array([1.0, 1.0, 0.1]))])["hip"]
+    np.testing.assert_allclose(slow[1:], (-0.1517, 0.1517), atol=1e-4)
+    found = [region("hip", [1.0] * 10, "qvel.hip", 500.0), region("hip", [1.0] * 10, "qpos.hip", 100.0)]
+    (entry,) = entries(found, 1000.0, {"hip": ("qpos.hip", 8.5, np.inf)})
+    assert entry["region"] == {"qpos.hip": [8.5, 10.0]}
+    assert entry["share"] == pytest.approx(0.49)
+    (entry,) = entries(found[:1], 1000.0, {"hip": ("ctrl.drive", -1.0, 1.0)})
+    assert list(entry["region"]) == ["qvel.hip"]
 
 
 def test_a_bump_in_the_truth_is_located(diagnosed) -> None:

@@ -22,12 +22,12 @@ from torch_activegp.diagnosis.fit import Fit
 from torch_activegp.diagnosis.forecast import compare
 from torch_activegp.diagnosis.intervals import estimates
 from torch_activegp.diagnosis.judge import Judgement, judge
-from torch_activegp.diagnosis.locate import entries, locate
+from torch_activegp.diagnosis.locate import entries, locate, somewhere
 from torch_activegp.diagnosis.machine import Machine, make_machine
 from torch_activegp.diagnosis.places import effects_for
 from torch_activegp.diagnosis.remainder import Outcome, model_remainder
 from torch_activegp.diagnosis.result import Diagnosis, NamedEffect
-from torch_activegp.diagnosis.runs import input_addresses, median_step
+from torch_activegp.diagnosis.runs import Array, input_addresses, median_step
 from torch_activegp.diagnosis.source import Source, read_source
 from torch_activegp.diagnosis.stability import stability
 from torch_activegp.diagnosis.words import sentence
@@ -96,6 +96,7 @@ def _report(
     say("locating", 0.8)
     mismatch = max(nominal.chi2 - shooting.dof, 0.0)
     regions = locate(shooting, nominal) if judgement.verdict != "none" else []
+    places = somewhere(machine.model, _certain(judgement))
     say("forecasting held-out runs", 0.85)
     chosen = judgement.fit if judgement.verdict in ("named", "tie") else nominal
     models = {"before": (explanation.engine, NOMINAL), "after": (explanation.engine, chosen.candidate)}
@@ -130,7 +131,7 @@ def _report(
                 for joint, scale in zip(machine.channels.joints, shooting.noise.scale, strict=True)
             },
         },
-        "location": entries(regions, mismatch),
+        "location": entries(regions, mismatch, places),
         "unexplained": {"share": judgement.unexplained, "white": judgement.white},
         "fit": {"holdout": holdout},
         "next_experiment": None if proposal is None else proposal[0],
@@ -152,6 +153,14 @@ def _report(
     words = sentence(judgement.verdict, named, details)
     states = {"remainder.pt": outcome.effect.state()} if outcome is not None and outcome.effect is not None else {}
     return Diagnosis(judgement.verdict, words, named, details, evidence, files, corrected, learned, states, stable)
+
+
+def _certain(judgement: Judgement) -> list[tuple[Effect, Array]]:
+    """The named effects with their parameters, where there are any."""
+    if judgement.verdict not in ("named", "tie"):
+        return []
+    values = dict(zip(judgement.fit.effects, judgement.fit.values, strict=True))
+    return [(effect, values[effect]) for effect in judgement.named]
 
 
 def _remainder(explanation: Explanation, judgement: Judgement, chosen: Fit) -> Outcome | None:

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
+from types import MappingProxyType
 from typing import Any
 
 import mujoco
@@ -16,6 +17,7 @@ from torch_activegp.diagnosis.linearize import Linearization, linearize
 from torch_activegp.diagnosis.runs import Array
 from torch_activegp.diagnosis.screening import _gain, _project
 from torch_activegp.diagnosis.shooting import Shooting
+from torch_activegp.physics.effect import Effect
 
 BINS = 14
 _RATE = 0.05
@@ -92,10 +94,38 @@ def locate(shooting: Shooting, fit: Fit) -> list[Region]:
     return [dataclasses.replace(r, adjusted=float(a)) for r, a in zip(regions, adjusted, strict=True)]
 
 
-def entries(regions: Sequence[Region], mismatch: float) -> list[dict[str, Any]]:
+Somewhere = Mapping[str, tuple[str, float, float]]
+"""For a joint, the variable and the interval in which alone what was named there acts."""
+
+
+def somewhere(model: mujoco.MjModel, named: Sequence[tuple[Effect, Array]]) -> Somewhere:
+    """Where named effects act that do so only somewhere; the first one of each joint.
+
+    Args:
+        model: nominal model.
+        named: effects with their parameters.
+    """
+    found: dict[str, tuple[str, float, float]] = {}
+    for effect, values in named:
+        acts, (kind, _, name) = effect.acts(values), effect.target.partition(":")
+        index = mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_ACTUATOR, name)
+        joint = actuated_joint(model, index) if kind == "actuator" else name
+        if acts is not None and joint is not None:
+            found.setdefault(joint, (f"{acts[0]}.{name}", *acts[1:]))
+    return found
+
+
+def entries(
+    regions: Sequence[Region], mismatch: float, known: Somewhere = MappingProxyType({})
+) -> list[dict[str, Any]]:
     """The ``location`` of ``diagnosis.json``: the best variable of every joint where something is.
 
     The share of a joint is what a force on it alone would explain.
+
+    Args:
+        regions: of :func:`locate`.
+        mismatch: chi2 of the nominal above the noise.
+        known: where named effects act; says more than bins do.
     """
     out = []
     for joint in dict.fromkeys(region.joint for region in regions):
@@ -107,7 +137,11 @@ def entries(regions: Sequence[Region], mismatch: float) -> list[dict[str, Any]]:
         chosen = max(local, key=lambda r: r.gain) if local else best
         interval = chosen.interval or (float(chosen.edges[0]), float(chosen.edges[-1]))
         share = float(np.clip((best.gain - len(best.force)) / max(mismatch, 1e-300), 0.0, 1.0))
-        region = {chosen.over: list(interval)}
+        over = chosen.over
+        if joint in known and (seen := [r for r in regions if (r.joint, r.over) == (joint, known[joint][0])]):
+            over, low, high = known[joint]
+            interval = max(low, float(seen[0].edges[0])), min(high, float(seen[0].edges[-1]))
+        region = {over: list(interval)}
         out.append({"target": f"joint:{joint}", "share": share, "region": region, "q_value": chosen.adjusted})
     return sorted(out, key=lambda entry: -float(entry["share"]))
 

@@ -124,6 +124,14 @@ class Effect:
         """Writes the effect with values ``(P,)`` into a model; returns whether MJCF can hold it."""
         return False
 
+    def acts(self, values: Array) -> tuple[str, float, float] | None:
+        """Where alone the effect shows, for one that does so only somewhere.
+
+        Returns:
+            ``qpos``, ``qvel`` or ``ctrl``, of the target, from and to; None for an effect that acts everywhere.
+        """
+        return None
+
     def describe(self, values: Array) -> dict[str, float]:
         """The parameters by name."""
         return {parameter.name: float(value) for parameter, value in zip(self.parameters, values, strict=True)}

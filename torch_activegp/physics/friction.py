@@ -150,6 +150,11 @@ class StribeckFriction(JointEffect):
         """The law; see :meth:`JointEffect.force`."""
         return -(values[0] + values[1] * np.exp(-((velocity / values[2]) ** 2))) * np.sign(velocity)
 
+    def acts(self, values: Array) -> tuple[str, float, float]:
+        """Where the static excess has not fallen to a tenth."""
+        width = float(values[2]) * np.sqrt(np.log(10.0))
+        return "qvel", -width, width
+
     def edit(self, field: Callable[[str], Array], rows: Index, values: Array) -> bool:
         """Makes the friction stick firmly."""
         sharpen(field, rows, self.dof)

@@ -191,6 +191,11 @@ class JointStop(JointEffect):
         joint.solimp_limit = np.array([_IMPEDANCE, _IMPEDANCE, *joint.solimp_limit[2:]])
         return True
 
+    def acts(self, values: Array) -> tuple[str, float, float]:
+        """Past the stop."""
+        stop = float(self.side * values[2])
+        return ("qpos", stop, np.inf) if self.side > 0 else ("qpos", -np.inf, stop)
+
     def describe(self, values: Array) -> dict[str, float]:
         """Position, stiffness and damping."""
         return {"position": float(self.side * values[2]), "stiffness": float(values[0]), "damping": float(values[1])}
