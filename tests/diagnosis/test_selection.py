@@ -1,8 +1,11 @@
 from __future__ import annotations
 
+import dataclasses
+
 import numpy as np
 import pytest
 
+from torch_activegp.diagnosis.score import Score
 from torch_activegp.diagnosis.selection import Selection, select
 
 NAMES = ("viscous_friction", "coulomb_friction", "quadratic_drag", "constant_force", "armature_error")
@@ -38,3 +41,15 @@ def test_a_useless_set_to_begin_from_is_left_behind(bench) -> None:
     chosen = select(bench.shooting, effects, bench.nominal, [((load,), (np.array([0.01]),))])
     assert chosen.best.keys == {("viscous_friction", "joint:hip")}
     assert frozenset({load.key}) in {fit.keys for fit in chosen.fits}
+
+
+def test_what_no_machine_can_have_is_not_chosen(bench) -> None:
+    stribeck = bench.effect("stribeck_friction")
+    wet = bench.fit("viscous_friction", 0.05)
+    odd = dataclasses.replace(wet, effects=(stribeck,), values=(np.array([0.0, 0.3, 0.2]),), chi2=0.5 * wet.chi2)
+    found = Selection(bench.nominal, [bench.nominal, odd, wet], Score(bench.shooting.samples, 20, 1.0))
+    assert (odd.plausible, wet.plausible, bench.nominal.plausible) == (False, True, True)
+    assert found.best is wet
+    assert odd not in found.ranked()
+    fair = dataclasses.replace(odd, values=(np.array([0.1, 0.3, 0.2]),))
+    assert fair.plausible

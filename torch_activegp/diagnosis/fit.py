@@ -47,6 +47,11 @@ class Fit:
         return sum(len(v) for v in self.values)
 
     @property
+    def plausible(self) -> bool:
+        """Whether a machine can have all the effects with these values."""
+        return all(effect.plausible(values) for effect, values in zip(self.effects, self.values, strict=True))
+
+    @property
     def keys(self) -> frozenset[tuple[str, str]]:
         """Names and targets."""
         return frozenset(effect.key for effect in self.effects)

@@ -57,13 +57,13 @@ class Selection:
 
     @property
     def best(self) -> Fit:
-        """The set with the best score."""
-        return min(self.fits, key=self.score)
+        """The set with the best score that a machine can have."""
+        return min((fit for fit in self.fits if fit.plausible), key=self.score)
 
     def ranked(self) -> list[Fit]:
         """Best first, one fit for each set of names and targets."""
         seen: dict[frozenset[tuple[str, str]], Fit] = {}
-        for fit in sorted(self.fits, key=self.score):
+        for fit in sorted((fit for fit in self.fits if fit.plausible), key=self.score):
             seen.setdefault(fit.keys, fit)
         return list(seen.values())
 
@@ -113,7 +113,8 @@ def _search(
     swapped: frozenset[Effect] = frozenset()
     swaps = 0
     for _ in range(2 * MAX_EFFECTS):
-        fresh = {frozenset(f.effects): f for f in sorted(selection.fits, key=selection.score, reverse=True)}
+        possible = [fit for fit in selection.fits if fit.plausible]
+        fresh = {frozenset(f.effects): f for f in sorted(possible, key=selection.score, reverse=True)}
         beam = sorted((f for effects, f in fresh.items() if effects not in expanded), key=selection.score)
         beam = [f for f in beam[:BEAM] if selection.score(f) <= selection.score(selection.best) + selection.score.slack]
         if not beam:
@@ -179,7 +180,7 @@ def _hopeless(selection: Selection, shooting: Shooting, least: int) -> bool:
 
 def _rescale(selection: Selection, shooting: Shooting) -> None:
     """The noise is what the best fit leaves, and never less than the noise model says."""
-    left = min(fit.chi2 / max(shooting.dof - fit.size, 1) for fit in selection.fits)
+    left = min(fit.chi2 / max(shooting.dof - fit.size, 1) for fit in selection.fits if fit.plausible)
     scale = max(left, 1.0)
     mismatch = max(selection.nominal.chi2 - scale * shooting.dof, 0.0)
     selection.score = dataclasses.replace(selection.score, scale=scale, mismatch=mismatch)

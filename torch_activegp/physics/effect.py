@@ -124,6 +124,10 @@ class Effect:
         """Writes the effect with values ``(P,)`` into a model; returns whether MJCF can hold it."""
         return False
 
+    def plausible(self, values: Array) -> bool:
+        """Whether a machine can have the effect with these values; bounds of single parameters are checked before."""
+        return True
+
     def acts(self, values: Array) -> tuple[str, float, float] | None:
         """Where alone the effect shows, for one that does so only somewhere.
 

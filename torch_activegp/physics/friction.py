@@ -16,6 +16,8 @@ SHARP = 2.0
 """Time constant of MuJoCo's friction constraint in time steps: its default of 20 ms lets a stuck joint creep."""
 IMPEDANCE = (0.99, 0.999)
 _BRISTLES = 0.5
+_STEEPEST = 10.0
+"""Static friction beyond what slides, over what slides, at most; machines show 0.1 to 2."""
 
 
 def sharpen(field: Callable[[str], Array], rows: Index, dof: int) -> None:
@@ -149,6 +151,10 @@ class StribeckFriction(JointEffect):
     def force(self, position: Array, velocity: Array, values: Sequence[Array] | Array) -> Array:
         """The law; see :meth:`JointEffect.force`."""
         return -(values[0] + values[1] * np.exp(-((velocity / values[2]) ** 2))) * np.sign(velocity)
+
+    def plausible(self, values: Array) -> bool:
+        """Whether there is friction at speed too: nothing sticks many times harder than it slides."""
+        return bool(values[1] <= _STEEPEST * (self.nominal_loss + values[0]))
 
     def acts(self, values: Array) -> tuple[str, float, float]:
         """Where the static excess has not fallen to a tenth."""
