@@ -24,6 +24,7 @@ from torch_activegp.simulators.mujoco_warnings import warnings_to
 
 _logger = logging.getLogger(__name__)
 _MAX_ROWS = 6000
+_FEW = 64
 _MAX_BYTES = 60_000_000
 _Disable = mujoco.mjtDisableBit
 
@@ -58,7 +59,7 @@ class Engine:
         self.substeps = substeps
         self.nthread = nthread
         self.stride = stride if model.nq == model.nv else 1
-        self._batch: mujoco.batch.Batch | None = None
+        self._batches: dict[bool, mujoco.batch.Batch] = {}
 
     @property
     def state_size(self) -> int:
@@ -112,7 +113,7 @@ class Engine:
         fields = _Fields(batch)
         time_step = fields("opt.timestep")
         time_step[:rows] = np.median(segments.dt) / self.substeps
-        acting, derived = self._acting(segments, candidates, fields)
+        acting, derived = self._acting(segments, candidates, batch, fields)
         views = {name: batch.bind(name)[:rows] for name in ("qpos", "qvel", "ctrl", "qfrc_applied")}
         batch.state[:rows] = self._reset_row
         flat = starts.reshape(rows, -1)
@@ -153,7 +154,7 @@ class Engine:
         return states.reshape(count, size, intervals + 1, self.state_size)
 
     def _acting(
-        self, segments: Segments, candidates: Sequence[Candidate], fields: _Fields
+        self, segments: Segments, candidates: Sequence[Candidate], batch: mujoco.batch.Batch, fields: _Fields
     ) -> tuple[list[tuple[Effect, NDArray[np.int64], Array, Array | None]], bool]:
         """Applies the edits of the models; returns the effects that act in every step, and if constants changed."""
         size, derived = segments.size, False
@@ -171,21 +172,24 @@ class Engine:
                         memory = effect.memory(positions, np.tile(starts, (len(which), 1)), repeated)
                 acting.append((effect, rows, repeated, memory))
         if derived:
-            assert self._batch is not None
-            self._batch.set_const(np.arange(len(candidates) * size, dtype=np.int32))
+            batch.set_const(np.arange(len(candidates) * size, dtype=np.int32))
         return acting, derived
 
     def _batch_for(self, rows: int) -> mujoco.batch.Batch:
-        if self._batch is None or self._batch.nsim < rows:
-            capacity = 1 << max(rows - 1, 0).bit_length()
+        """A batch with room for so many simulations; a few of them wait longer for threads than for each other."""
+        few = rows <= _FEW
+        batch = self._batches.get(few)
+        if batch is None or batch.nsim < rows:
+            capacity = _FEW if few else 1 << max(rows - 1, 0).bit_length()
             try:
-                self._batch = mujoco.batch.Batch(self.model, capacity, self.nthread)
+                batch = mujoco.batch.Batch(self.model, capacity, 1 if few else self.nthread)
             except ValueError as error:
                 raise ConfigurationError(
                     f"MuJoCo cannot run this model in batches: {error}. Turn that feature off in the model."
                 ) from error
-            self._reset_row = self._batch.state[0].copy()
-        return self._batch
+            self._batches[few] = batch
+            self._reset_row = batch.state[0].copy()
+        return batch
 
 
 def _mean(columns: list[Array]) -> Array:

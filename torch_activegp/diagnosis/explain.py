@@ -127,7 +127,7 @@ def _start(
         part, which = shooting.subset(max(_ENOUGH / excess, 0.2))
         here = nominal.pick(which)
         rough = part.fit([((), ())], here.starts, design=here.design)[0]
-        chosen = select(part, effects, rough, tell=tell)
+        chosen = select(part, effects, rough, tell=tell, swaps=0)  # they come with all data
         sets, free = _leaders(chosen), chosen.score.free
         if _far(nominal, segments, _FAR / 4).any():
             segments, nominal = _longest(machine, numerics, noise, _TOO_FAR)

@@ -17,7 +17,7 @@ from torch_activegp.diagnosis.shooting import Shooting
 STEP = 0.1
 """One step ahead means at least this long, s: in one sample a machine hardly moves by more than the noise."""
 _FIRST = 1.0
-_ROUNDS = 8
+_ROUNDS = 5
 
 
 def one_step(engine: Engine, candidate: Candidate, run: Run) -> Array:

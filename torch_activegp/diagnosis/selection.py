@@ -76,6 +76,7 @@ def select(
     starts: Array | None = None,
     tell: Callable[[str], None] = lambda _: None,
     free: frozenset[tuple[str, str]] = frozenset(),
+    swaps: int = SWAPS,
 ) -> Selection:
     """Chooses effects that explain the residuals.
 
@@ -87,6 +88,7 @@ def select(
         starts: initial states for them.
         tell: hears what is being done.
         free: what seemed to be tuned already, :attr:`Score.free`.
+        swaps: how often others are tried in place of each effect.
     """
     names = len({effect.key for effect in effects})
     selection = Selection(nominal, [nominal], Score(shooting.samples, names, 1.0, free=free))
@@ -95,10 +97,10 @@ def select(
         selection.fits += [f for f in shooting.fit(sets, states, design=nominal.design) if np.isfinite(f.chi2)]
         _rescale(selection, shooting)
     expanded: set[frozenset[Effect]] = set()
-    _search(selection, shooting, effects, expanded, tell)
+    _search(selection, shooting, effects, expanded, tell, swaps)
     if selection.score.free and not _only_undoes(selection, shooting):
         selection.score = dataclasses.replace(selection.score, free=frozenset())
-        _search(selection, shooting, effects, expanded, tell)
+        _search(selection, shooting, effects, expanded, tell, swaps)
     return selection
 
 
@@ -108,6 +110,7 @@ def _search(
     effects: Sequence[Effect],
     expanded: set[frozenset[Effect]],
     tell: Callable[[str], None],
+    most_swaps: int,
 ) -> None:
     """Develops the best sets until none is left that could become the best."""
     swapped: frozenset[Effect] = frozenset()
@@ -118,7 +121,7 @@ def _search(
         beam = sorted((f for effects, f in fresh.items() if effects not in expanded), key=selection.score)
         beam = [f for f in beam[:BEAM] if selection.score(f) <= selection.score(selection.best) + selection.score.slack]
         if not beam:
-            if frozenset(selection.best.effects) == swapped or swaps == SWAPS or _hopeless(selection, shooting, 1):
+            if frozenset(selection.best.effects) == swapped or swaps == most_swaps or _hopeless(selection, shooting, 1):
                 break
             swaps += 1
             swapped = frozenset(selection.best.effects)
