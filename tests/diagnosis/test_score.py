@@ -32,3 +32,13 @@ def test_what_seems_tuned_costs_its_parameters_alone(bench) -> None:
     lenient = dataclasses.replace(score, free=frozenset({effects[1].key}))
     assert lenient.names_in(effects) == 1 < score.names_in(effects)
     assert lenient.price(effects) == pytest.approx(score.price(effects[:1]) + np.log(1000))
+
+
+def test_a_runaway_nominal_does_not_make_all_else_small(bench) -> None:
+    effect = bench.effect("viscous_friction")
+    adequate = Score(samples=1000, names=30, scale=1.0, mismatch=1e9)
+    left = dataclasses.replace(adequate, scale=50.0)
+    assert adequate.price([effect]) == pytest.approx(0.006 * 1e9)
+    assert left.price([effect]) == pytest.approx(0.1 * 1000)
+    assert dataclasses.replace(left, mismatch=1e6).price([effect]) == pytest.approx(0.1 * 1000)
+    assert dataclasses.replace(left, mismatch=5e5).price([effect]) == pytest.approx(0.006 * 5e5 / 50)

@@ -19,7 +19,7 @@ from torch_activegp.physics.effect import Effect
 TIE = 6.0
 """Sets whose scores differ by less (odds of 20 to 1) are not told apart."""
 LEAST_SHARE = 0.002
-"""What explains less of the mismatch stays in the correction and is not named."""
+"""What explains less of the mismatch stays in the correction and is not named, unless it is much of what is left."""
 INADEQUATE = 0.15
 """A set that leaves more of the mismatch than this does not explain it."""
 CROWDED = 0.04
@@ -117,13 +117,15 @@ def judge(shooting: Shooting, selection: Selection) -> Judgement:
     white = after.p_value > SURE
     named, retuned = _split(shooting, selection, rivals)
     order, shares = _shares(shooting, selection, named, 1.0 - unexplained)
-    kept = [i for i, share in enumerate(shares) if share >= LEAST_SHARE] or [0]
+    score = selection.score
+    least = min(LEAST_SHARE, 2.0 * score.least * score.scale / max(gain, 1e-300)) if score.inadequate else LEAST_SHARE
+    kept = [i for i, share in enumerate(shares) if share >= least] or [0]
     retuned = (*retuned, *(effect for i, effect in enumerate(order) if i not in kept))
     order, shares = tuple(order[i] for i in kept), tuple(shares[i] for i in kept)
     probabilities = tuple(_probability(rivals, effect) for effect in order)
     ties = tuple(_ties(rivals, best, effect) for effect in order)
-    p_value = min(before.p_value, float(stats.chi2.sf(gain / selection.score.scale, best.size)) * selection.score.names)
-    crowded = selection.score.names_in(best.effects) >= MAX_EFFECTS and unexplained > CROWDED
+    p_value = min(before.p_value, float(stats.chi2.sf(gain / score.scale, best.size)) * score.names)
+    crowded = score.names_in(best.effects) >= MAX_EFFECTS and unexplained > CROWDED
     if after.p_value < DOUBT and (unexplained > INADEQUATE or crowded):
         verdict = "unknown" if _visible(shooting, before) else "none"
     else:

@@ -12,6 +12,9 @@ from torch_activegp.physics.effect import Effect
 SLACK = 8.0
 MATERIAL = 0.006
 """An effect that explains less of the mismatch than this is not named: simulators differ by that much."""
+OF_THE_REST = 0.1
+"""The same part of what is left, where that is not noise."""
+_INADEQUATE = 4.0
 _LENIENT = 0.3
 
 
@@ -43,7 +46,7 @@ class Score:
     @property
     def slack(self) -> float:
         """Sets behind the best one by less are developed too: about the price of one more name."""
-        return SLACK + 0.5 * MATERIAL * self.mismatch / self.scale
+        return SLACK + self.least
 
     def before_any_fit(self, nominal: Fit) -> Score:
         """The score by the noise model, where no fit tells yet what noise is left; lenient, for it only proposes."""
@@ -51,12 +54,27 @@ class Score:
 
     def price(self, effects: Sequence[Effect]) -> float:
         """What a set must gain to be worth it."""
-        least = 0.5 * MATERIAL * self.mismatch / self.scale
+        least = self.least
         named = [effect for effect in effects if effect.key not in self.free]
         parameters = sum(len(effect.parameters) for effect in named)
         nuisances = sum(len(effect.parameters) for effect in effects) - parameters
         a_name = max(2.0 * math.log(max(self.names, 2)), least)
         return parameters * max(self.a_parameter, least) + nuisances * self.a_parameter + len(named) * a_name
+
+    @property
+    def least(self) -> float:
+        """What is worth naming at least, half for a name and half for a parameter.
+
+        A part of the mismatch; or of what is left, where all that was found leaves much more than noise: a nominal that
+        runs away without friction makes any other finding look small.
+        """
+        material = 0.5 * MATERIAL * self.mismatch / self.scale
+        return min(material, 0.5 * OF_THE_REST * self.samples) if self.inadequate else material
+
+    @property
+    def inadequate(self) -> bool:
+        """Whether all that was found leaves much more than noise."""
+        return self.scale > _INADEQUATE
 
     @property
     def a_parameter(self) -> float:
