@@ -59,6 +59,14 @@ def test_a_map_renames_rescales_and_flips(tmp_path: Path) -> None:
     assert columns.unused(table()) == ["temperature"]
 
 
+def test_a_map_says_which_joints_are_prescribed() -> None:
+    """Such a map is one: it leaves columns out."""
+    columns = ColumnMap.from_mapping({"prescribed": ["slide"]})
+    assert (columns.prescribed, columns.rules) == (("slide",), {})
+    assert list(columns.apply(table(), "run.csv")) == ["qfrc.slide", "qvel.knee"]
+    assert ColumnMap.from_mapping({"qpos.a": "x"}).prescribed == ColumnMap().prescribed == ()
+
+
 def test_the_flat_and_the_nested_form_are_one() -> None:
     nested = ColumnMap.from_mapping({"qpos": {"a": {"unit": "deg"}}, "ctrl": {"m": "u"}})
     flat = ColumnMap.from_mapping({"qpos.a": {"unit": "deg"}, "ctrl.m": "u"})
@@ -97,6 +105,11 @@ def test_numbers_name_runs(run: list, names: list[str]) -> None:
         ({"qpos": {"a": {"scale": math.inf}}}, "finite number other than 0"),
         ({"qpos": {"a": {"unit": "rpm"}}}, "map.toml, `qpos.a`: unit `rpm` is not a unit of qpos"),
         ({"qpos": {"a": {"counts_per_turn": 4096}}}, "goes with counts"),
+        (
+            {"prescribed": "arm"},
+            r'map.toml: `prescribed` wants names of joints, such as \["turntable"\], found \'arm\'',
+        ),
+        ({"prescribed": [1]}, "`prescribed` wants names of joints"),
     ],
 )
 def test_a_bad_map_is_refused(mapping: dict, message: str) -> None:

@@ -89,6 +89,17 @@ def test_the_map_may_be_a_file_a_mapping_or_a_map(tmp_path: Path) -> None:
         assert recording.notes == ("Columns left out: extra.",)
 
 
+def test_the_map_says_what_is_prescribed_in_every_part_of_a_run(tmp_path: Path) -> None:
+    time = np.delete(TIME, np.r_[10:16])
+    path = write(tmp_path / "a.csv", time=time, qpos_x=time, qpos_y=time)
+    toml = tmp_path / "map.toml"
+    toml.write_text('prescribed = ["y"]\n', encoding="utf-8")
+    assert [recording.prescribed for recording in load_recordings(path, toml)] == [("y",), ("y",)]
+    toml.write_text('prescribed = ["z"]\n', encoding="utf-8")
+    with pytest.raises(DataError, match="a.csv \\(run 1\\): no column `qpos.z`, and `z` is said to be prescribed"):
+        load_recordings(path, toml)
+
+
 @pytest.mark.parametrize(
     ("columns", "message"),
     [

@@ -5,7 +5,7 @@ import pytest
 import torch
 from scipy.signal import savgol_filter
 
-from torch_activegp.data.local_polynomial import local_slope
+from torch_activegp.data.local_polynomial import local_motion, local_slope
 from torch_activegp.errors import ConfigurationError
 
 
@@ -36,6 +36,17 @@ def test_each_row_is_an_ordinary_least_squares_fit(generator: torch.Generator) -
         t = time[start : start + 9].numpy()
         fit = np.polynomial.Polynomial.fit(t, values[start : start + 9].numpy(), 3).deriv()
         assert slope[row].item() == pytest.approx(fit(time[row].item()), rel=1e-8)
+
+
+@pytest.mark.parametrize("jitter", [0.0, 0.4])
+def test_a_higher_degree_follows_more_and_averages_noise(jitter: float, generator: torch.Generator) -> None:
+    time = clock(jitter, generator)
+    exact = 1 - 2 * time + 5 * time**2 - 7 * time**5
+    value, slope = local_motion(time, exact, 25, 5)
+    torch.testing.assert_close(value, exact, rtol=0, atol=1e-9)
+    torch.testing.assert_close(slope, -2 + 10 * time - 35 * time**4, rtol=0, atol=1e-6)
+    noise = torch.randn(60, generator=generator, dtype=torch.float64)
+    assert local_motion(time, noise, 25, 5)[0][12:-12].std() < 0.6 * noise.std()
 
 
 @pytest.mark.parametrize("window", [3, 6, 61])

@@ -50,6 +50,17 @@ def test_what_it_says_of_itself(recording: Recording) -> None:
     assert repr(recording) == f"<Recording {sentence}>"
 
 
+def test_prescribed_joints_are_kept_and_said(recording: Recording) -> None:
+    columns = {name: recording[name] for name in recording.columns}
+    given = Recording.from_columns("a.csv", columns, prescribed=("slide",))
+    assert str(given).endswith("; no velocity of arm.elbow; prescribed: slide")
+    assert given.replace({"ctrl.motor": torch.zeros(50)}).prescribed == ("slide",)
+    with pytest.raises(
+        DataError, match=r"a\.csv: no column `qpos\.knee`, and `knee` is said to be prescribed; found time"
+    ):
+        Recording.from_columns("a.csv", columns, prescribed=("knee",))
+
+
 def test_the_median_step_ignores_a_dropped_row() -> None:
     time = np.delete(TIME, [10, 11])
     assert Recording.from_columns("a", {"time": time, "qpos.x": time}).dt == pytest.approx(0.02)

@@ -1,5 +1,6 @@
 from __future__ import annotations
 
+import dataclasses
 import math
 from pathlib import Path
 
@@ -124,6 +125,12 @@ def test_no_file_is_learned_from_and_held_out(tmp_path: Path) -> None:
 def test_what_the_model_lacks_is_named(slide: str, columns: dict[str, torch.Tensor], message: str) -> None:
     with pytest.raises(DataError, match=message):
         check_columns_known([ramp(**columns)], nominal_simulator(slide), "m.xml")
+
+
+def test_nothing_is_learned_beside_a_prescribed_joint(slide: str) -> None:
+    held = dataclasses.replace(ramp(), prescribed=("slide",))
+    with pytest.raises(DataError, match="`slide` is said to be prescribed, and a model that is learned explains every"):
+        check_columns_known([held], nominal_simulator(slide), "m.xml")
 
 
 def test_what_the_recording_lacks_is_named(slide: str) -> None:

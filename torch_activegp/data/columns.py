@@ -10,6 +10,7 @@ A TOML file with one line for each canonical column. The value is the file's own
     ctrl.motor = "duty"
     qfrc.slide = { scale = 9.81 }               # the file calls it `qfrc.slide` itself, in kgf
     qpos."arm/elbow" = "q2"                     # quotes around a name with other characters than A-Z, a-z, 0-9, - and _
+    prescribed = ["slide"]                      # joints that something else moved or held along the recorded positions
 
 ==================  ================================================================================================
 ``column``          name in the file; without it, the canonical name
@@ -30,7 +31,7 @@ from __future__ import annotations
 import dataclasses
 import difflib
 import tomllib
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -67,15 +68,22 @@ class ColumnMap:
     Args:
         rules: rule by canonical name (``time``, ``run``, ``qpos.<joint>``, ...).
         name: what messages call the map, usually the file's name.
+        prescribed: joints that something else moved or held along the recorded positions.
 
     >>> columns = ColumnMap.from_mapping({"time": {"column": "t", "unit": "ms"}, "qpos": {"elbow": "q"}})
     >>> columns.apply(pd.DataFrame({"t": [0, 10], "q": [0.5, 0.6]}), "a.csv").columns.tolist()
     ['time', 'qpos.elbow']
     """
 
-    def __init__(self, rules: Mapping[str, ColumnRule] | None = None, name: str = "column map") -> None:
+    def __init__(
+        self,
+        rules: Mapping[str, ColumnRule] | None = None,
+        name: str = "column map",
+        prescribed: Sequence[str] = (),
+    ) -> None:
         self.rules = dict(rules or {})
         self.name = name
+        self.prescribed = tuple(prescribed)
 
     @classmethod
     def from_toml(cls, path: str | Path) -> ColumnMap:
@@ -100,11 +108,12 @@ class ColumnMap:
         Raises:
             DataError: if a name is not canonical, or a setting is unknown, of a wrong type or contradicts another.
         """
+        prescribed = _joints(mapping.get("prescribed", []), name)
         flat: dict[str, Any] = {}
         for key, value in mapping.items():
             if key in KINDS and isinstance(value, Mapping):
                 flat |= {f"{key}.{joint}": entry for joint, entry in value.items()}
-            else:
+            elif key != "prescribed":
                 flat[key] = value
         for key in flat:
             if not is_canonical(key):
@@ -112,7 +121,7 @@ class ColumnMap:
                     f"{name}: `{key}` is not a canonical column: `time`, `run` or `<kind>.<name>` wanted, kind one of "
                     f"{', '.join(KINDS)}. The canonical name stands on the left, the file's own name on the right."
                 )
-        return cls({key: _rule(key, value, name) for key, value in flat.items()}, name)
+        return cls({key: _rule(key, value, name) for key, value in flat.items()}, name, prescribed)
 
     def apply(self, table: pd.DataFrame, where: str) -> pd.DataFrame:
         """Return the canonical columns of a raw table, in SI units, as float64 (``run`` as text).
@@ -130,7 +139,7 @@ class ColumnMap:
             str(name): ColumnRule(str(name)) for name in table.columns if is_canonical(str(name)) and name not in taken
         }
         rules = own | self.rules
-        if not self.rules:
+        if not self.rules and not self.prescribed:
             _refuse_unknown(table, where)
         return pd.DataFrame({key: self._column(table, key, rule, where) for key, rule in rules.items()})
 
@@ -149,6 +158,12 @@ class ColumnMap:
         if key == "run":
             return _run_names(series, where)
         return rule.factor * _floats(series, where, rule.column) + rule.offset
+
+
+def _joints(value: object, name: str) -> list[str]:
+    if not isinstance(value, list | tuple) or not all(isinstance(joint, str) for joint in value):
+        raise DataError(f'{name}: `prescribed` wants names of joints, such as ["turntable"], found {value!r}.')
+    return list(value)
 
 
 def _rule(key: str, value: object, name: str) -> ColumnRule:

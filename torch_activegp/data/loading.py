@@ -74,13 +74,15 @@ def _load(path: Path, chosen: ColumnMap | None) -> Iterator[Recording]:
     unused = columns.unused(raw)
     notes = [f"Columns left out: {', '.join(unused)}."] if unused else []
     if "run" not in table:
-        yield from _split(table, path, None, notes)
+        yield from _split(table, path, None, notes, columns.prescribed)
         return
     for run, rows in table.groupby("run", sort=False):
-        yield from _split(rows.drop(columns="run"), path, str(run), notes)
+        yield from _split(rows.drop(columns="run"), path, str(run), notes, columns.prescribed)
 
 
-def _split(table: pd.DataFrame, path: Path, run: str | None, notes: Sequence[str]) -> Iterator[Recording]:
+def _split(
+    table: pd.DataFrame, path: Path, run: str | None, notes: Sequence[str], prescribed: tuple[str, ...]
+) -> Iterator[Recording]:
     """Check one run, and cut it where its clock has a gap."""
     rows = table.index.to_numpy() + 1
     where = path.name if run is None else f"{path.name} (run {run})"
@@ -102,4 +104,6 @@ def _split(table: pd.DataFrame, path: Path, run: str | None, notes: Sequence[str
     for number, (a, b) in enumerate(long_enough, start=1):
         part = run if not gaps.size else (f"{run}.{number}" if run else str(number))
         piece = {name: values[a:b] for name, values in arrays.items()}
-        yield Recording.from_columns(path.name, piece, run=part, source=path, notes=(*notes, *said))
+        yield Recording.from_columns(
+            path.name, piece, run=part, source=path, notes=(*notes, *said), prescribed=prescribed
+        )

@@ -29,6 +29,8 @@ class Recording:
         run: which run of the file this is, or None where the file holds one.
         source: the file it was read from.
         notes: what the loader had to decide, in sentences.
+        prescribed: joints that something else moved, or held, along the recorded positions: an input of the machine,
+            for :func:`~torch_activegp.diagnosis.diagnose` and :func:`~torch_activegp.diagnosis.evaluate`.
 
     >>> recording = Recording.from_columns("swing", {"time": [0.0, 0.1, 0.2, 0.3], "qpos.elbow": [0.0, 0.1, 0.3, 0.6]})
     >>> print(recording)
@@ -42,6 +44,7 @@ class Recording:
     run: str | None = None
     source: Path | None = None
     notes: tuple[str, ...] = ()
+    prescribed: tuple[str, ...] = ()
 
     @classmethod
     def from_columns(cls, name: str, columns: Mapping[str, Any], **fields: Any) -> Recording:
@@ -51,10 +54,11 @@ class Recording:
             name: what messages call it.
             columns: ``time`` [s], ``qpos.<joint>``, ``qvel.<joint>``, ``ctrl.<actuator>``, ``qfrc.<joint>``; each
                 ``(T,)``, T >= 4: tensors, arrays or lists.
-            fields: ``run``, ``source`` and ``notes`` of the recording.
+            fields: ``run``, ``source``, ``notes`` and ``prescribed`` of the recording.
 
         Raises:
-            DataError: if the columns are no recording; see :func:`~torch_activegp.data.checks.check_columns`.
+            DataError: if the columns are no recording (see :func:`~torch_activegp.data.checks.check_columns`), or a
+                prescribed joint has no position.
         """
         arrays = {column: np.asarray(values, dtype=np.float64) for column, values in columns.items()}
         for column, values in arrays.items():
@@ -64,7 +68,14 @@ class Recording:
         data = TensorDict({}, batch_size=[len(arrays["time"])])
         for column, values in arrays.items():
             data[_key(column)] = torch.from_numpy(values.copy())
-        return cls(name=name, data=data, **fields)
+        recording = cls(name=name, data=data, **fields)
+        for joint in recording.prescribed:
+            if f"qpos.{joint}" not in recording:
+                raise DataError(
+                    f"{recording.label}: no column `qpos.{joint}`, and `{joint}` is said to be prescribed; found "
+                    f"{', '.join(recording.columns)}. Record its position, or mend `prescribed`."
+                )
+        return recording
 
     def __getitem__(self, column: str) -> Tensor:
         """Return a column ``(T,)`` by its canonical name.
@@ -86,7 +97,8 @@ class Recording:
         """Return a copy with columns added or replaced, and one more note."""
         merged = {column: self[column] for column in self.columns} | dict(columns)
         notes = self.notes if note is None else (*self.notes, note)
-        return Recording.from_columns(self.name, merged, run=self.run, source=self.source, notes=notes)
+        fields = {"run": self.run, "source": self.source, "prescribed": self.prescribed}
+        return Recording.from_columns(self.name, merged, notes=notes, **fields)
 
     @property
     def label(self) -> str:
@@ -130,7 +142,8 @@ class Recording:
             f"joints {', '.join(self.joints)}",
             f"actuators {', '.join(self.actuators)}" if self.actuators else "no actuators",
         ]
-        return "; ".join([*parts, velocities] if missing else parts)
+        parts += [velocities] if missing else []
+        return "; ".join([*parts, f"prescribed: {', '.join(self.prescribed)}"] if self.prescribed else parts)
 
     def __repr__(self) -> str:
         return f"<Recording {self}>"

@@ -57,7 +57,12 @@ def resample(recording: Recording, dt: float) -> Recording:
         )
     note = f"Resampled from {recording.dt:.6g} s to {dt:.6g} s."
     return Recording.from_columns(
-        recording.name, columns, run=recording.run, source=recording.source, notes=(*recording.notes, note)
+        recording.name,
+        columns,
+        run=recording.run,
+        source=recording.source,
+        notes=(*recording.notes, note),
+        prescribed=recording.prescribed,
     )
 
 

@@ -116,11 +116,16 @@ def check_columns_known(recordings: Sequence[Recording], simulator: Simulator, n
     """Check that a model has every joint and actuator that was recorded, and the recording those of the model.
 
     Raises:
-        DataError: naming the file and the column, and what is there instead.
+        DataError: naming the file and the column, and what is there instead; or a joint is prescribed.
     """
     states, actions = simulator.state_space.names, simulator.action_space.names
     wanted = [column for column in (*states, *actions) if column.startswith(("qpos.", "ctrl."))]
     for recording in recordings:
+        if recording.prescribed:
+            raise DataError(
+                f"{recording.label}: `{recording.prescribed[0]}` is said to be prescribed, and a model that is learned "
+                "explains every joint. Leave `prescribed` out of the column map, or diagnose."
+            )
         strange = [column for column in recording.columns[1:] if column not in (*states, *actions)]
         if strange:
             raise DataError(
