@@ -103,6 +103,24 @@ def test_bad_input_gets_one_message_and_exit_code_2(
     assert not calls
 
 
+@pytest.mark.parametrize(
+    ("prescribed", "message"),
+    [
+        ('"hip"', "map.toml: `prescribed` wants names of joints"),
+        ('["table"]', "a.csv: no column `qpos.table`, and `table` is said to be prescribed"),
+        ('["hip"]', "all of them are prescribed (hip)"),
+    ],
+)
+def test_a_map_that_prescribes_the_wrong_joint_gets_one_message(
+    run: Run, folder: Path, prescribed: str, message: str
+) -> None:
+    (folder / "map.toml").write_text(f"prescribed = {prescribed}\n")
+    result = run("evaluate", "rod.xml", "a.csv", "--columns", "map.toml")
+    assert result.exit_code == 2
+    assert message in result.stderr.replace("\n", " ")
+    assert result.stderr.count("Error") == 1
+
+
 def test_an_error_while_forecasting_is_one_message(run: Run, folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     def evaluate(*_: object) -> dict[str, Any]:
         raise DataError("a.csv: the model has no joint `hip`.")

@@ -221,3 +221,73 @@ class Black:
 def black() -> Black:
     """A simulator that only returns its next state, with recordings."""
     return Black()
+
+
+class Double:
+    """A double pendulum whose shoulder a rig moves on a known path, and whose elbow scipy integrates."""
+
+    rate = 100
+    noise = 1e-3
+    viscous = 0.05
+    reach, arm, mass, inertia = 1.0, 0.4, 0.7, 0.04
+    xml = """
+<mujoco model="double"><option timestep="{step}" integrator="{integrator}"/><worldbody>
+<body name="upper"><joint name="shoulder" axis="0 1 0" {shoulder}/>
+<inertial pos="0 0 -0.5" mass="1" diaginertia="0.08 0.08 0.001"/>
+<body name="lower" pos="0 0 -1"><joint name="elbow" axis="0 1 0"/>
+<inertial pos="0 0 -0.4" mass="0.7" diaginertia="0.04 0.04 0.001"/></body></body></worldbody>
+<actuator><motor name="rig" joint="shoulder" gear="50"/><motor name="drive" joint="elbow"/></actuator></mujoco>"""
+
+    def model(self, step: float = 0.005, integrator: str = "RK4", shoulder: str = "") -> mujoco.MjModel:
+        return mujoco.MjModel.from_xml_string(self.xml.format(step=step, integrator=integrator, shoulder=shoulder))
+
+    def path(self, time: np.ndarray, seed: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Position, velocity and acceleration of the shoulder."""
+        rng = np.random.default_rng(seed + 100)
+        omega, phase = 2 * np.pi * rng.uniform(0.2, 0.7, 3), rng.uniform(0, 2 * np.pi, 3)
+        angle = omega * np.asarray(time)[..., None] + phase
+        waves = np.sin(angle), omega * np.cos(angle), -(omega**2) * np.sin(angle)
+        q, v, a = (0.4 * wave.sum(axis=-1) for wave in waves)
+        return q, v, a
+
+    def columns(
+        self, seed: int, viscous: float = 0.0, seconds: float = 4.0, noise: float = 0.0, drive: float = 0.5
+    ) -> dict[str, np.ndarray]:
+        """A run: J (q'' + p'') = u - c v - m d (l p'' cos q + l p'^2 sin q + g sin(p + q)), p the shoulder."""
+        rng = np.random.default_rng(seed)
+        time = np.arange(round(seconds * self.rate) + 1) / self.rate
+        omega, phase = 2 * np.pi * rng.uniform(0.3, 1.5, 3), rng.uniform(0, 2 * np.pi, 3)
+        control = drive * np.sin(omega * time[:, None] + phase).sum(axis=1)
+        moment, total = self.mass * self.arm, self.inertia + self.mass * self.arm**2
+
+        def slope(t: float, s: np.ndarray, u: float) -> list[float]:
+            p, w, a = self.path(np.array(t), seed)
+            base = self.reach * (a * np.cos(s[0]) + w**2 * np.sin(s[0])) + 9.81 * np.sin(p + s[0])
+            return [s[1], (u - viscous * s[1] - moment * base) / total - float(a)]
+
+        x, angles, speeds = np.array([rng.normal(0.0, 0.4), 0.0]), [], []
+        for t, u in zip(time, control, strict=True):
+            angles.append(x[0])
+            speeds.append(x[1])
+            x = solve_ivp(slope, (t, t + 1 / self.rate), x, args=(u,), rtol=1e-9, atol=1e-11).y[:, -1]
+        shoulder = self.path(time, seed)[0]
+        return {
+            "time": time,
+            "qpos.shoulder": shoulder + 0.1 * noise * rng.normal(size=len(time)),
+            "qpos.elbow": np.array(angles) + noise * rng.normal(size=len(time)),
+            "ctrl.drive": control,
+            "speed": np.array(speeds),
+        }
+
+    def record(
+        self, seed: int, viscous: float = 0.0, prescribed: tuple[str, ...] = ("shoulder",), **options: float
+    ) -> Recording:
+        columns = self.columns(seed, viscous, **options)
+        del columns["speed"]
+        return Recording.from_columns(f"run{seed}", columns, prescribed=prescribed)
+
+
+@pytest.fixture(scope="session")
+def double() -> Double:
+    """A machine of which one joint is moved from outside."""
+    return Double()

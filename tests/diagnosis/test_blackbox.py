@@ -12,7 +12,7 @@ from typer.testing import CliRunner
 
 from torch_activegp.cli.app import app
 from torch_activegp.data import Recording
-from torch_activegp.diagnosis import diagnose
+from torch_activegp.diagnosis import diagnose, evaluate
 from torch_activegp.diagnosis.blackbox import BlackBox, accelerations, check_clock
 from torch_activegp.diagnosis.places import effects_for
 from torch_activegp.diagnosis.runs import Channels, make_run
@@ -142,6 +142,15 @@ def test_an_external_force_is_refused(black) -> None:
     pushed = recording.replace({"qfrc.theta": torch.ones(len(recording))})
     with pytest.raises(DataError, match=r"column `qfrc\.theta`: a control of OdeSimulator wanted"):
         diagnose(black.simulator(), [pushed])
+
+
+def test_a_prescribed_joint_is_refused() -> None:
+    box = BlackBox.of(drifting(["qpos.a", "qpos.b", "qvel.a", "qvel.b"]))
+    columns = {"time": np.arange(40) * 0.01, "qpos.a": np.arange(40) * 0.02, "qpos.b": np.arange(40) * 0.03}
+    held = Recording.from_columns("run", columns, prescribed=("b",))
+    for ask in (diagnose, evaluate):
+        with pytest.raises(DataError, match="run: `b` is said to be prescribed, and FunctionSimulator only returns"):
+            ask(box.simulator, [held])
 
 
 def test_velocities_that_are_no_rates_are_refused(black) -> None:

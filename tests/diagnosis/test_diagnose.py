@@ -11,6 +11,7 @@ from torch_activegp.diagnosis import diagnose
 from torch_activegp.errors import ConfigurationError, DataError
 from torch_activegp.physics import Parameter, Place
 from torch_activegp.physics.joint import JointEffect
+from torch_activegp.report import write_report
 
 
 def test_viscous_friction_is_named_with_its_coefficient(bench, diagnosed) -> None:
@@ -131,3 +132,26 @@ def test_what_cannot_be_diagnosed_is_refused(bench, record) -> None:
         diagnose(bench.xml, [record(qpos__knee=np.linspace(0.0, 1.0, 201))])
     with pytest.raises(ConfigurationError, match="no file `missing.xml`"):
         diagnose("missing.xml", [record()])
+
+
+def test_what_a_prescribed_joint_carries_is_explained(double, tmp_path) -> None:
+    """A rig moves the shoulder with a torque that nobody recorded; friction of the elbow is found beside it."""
+    recordings = [double.record(seed, double.viscous, noise=double.noise) for seed in range(3)]
+    found = diagnose(double.model(), recordings[:2], recordings[2:], nthread=1)
+    (effect,) = found.effects
+    assert (found.verdict, effect.name, effect.target) == ("named", "viscous_friction", "joint:elbow")
+    estimate = effect.parameters["coefficient"]
+    assert estimate.value == pytest.approx(double.viscous, rel=0.03)
+    assert estimate.ci95[0] < double.viscous < estimate.ci95[1]
+    assert list(found.details["mismatch"]["noise"]) == ["qpos.elbow"]
+    after = found.details["fit"]["holdout"]["free_run"]
+    assert after["after"] < 3 * after["noise"] < 0.1 * after["before"]
+    assert [trace["channel"] for trace in found.evidence["traces"]] == ["qpos.elbow"]
+    page = write_report(found.to_dict(), found.evidence, tmp_path / "report.html").read_text(encoding="utf-8")
+    assert "Prescribed: shoulder." in page
+
+
+def test_nothing_is_named_beside_a_prescribed_joint_where_nothing_was_left_out(double) -> None:
+    recordings = [double.record(seed, noise=double.noise) for seed in range(3)]
+    found = diagnose(double.model(), recordings[:2], recordings[2:], nthread=1)
+    assert (found.verdict, found.effects) == ("none", ())

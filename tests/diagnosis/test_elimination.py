@@ -26,6 +26,21 @@ def test_states_that_nothing_sees_stay_where_they_are() -> None:
     np.testing.assert_allclose(shift, [[1.0, 0.0]], atol=1e-6)
 
 
+def test_states_that_move_nothing_take_nothing_away() -> None:
+    rng = np.random.default_rng(0)
+    design, columns, residual = rng.normal(size=(4, 20, 2)), rng.normal(size=(4, 20, 3)), rng.normal(size=(4, 20))
+    wider = np.zeros((4, 20, 4))
+    wider[..., [1, 3]] = design
+    less, more = eliminate(design, columns, residual), eliminate(wider, columns, residual)
+    np.testing.assert_allclose(more.normal, less.normal)
+    np.testing.assert_allclose(more.gradient, less.gradient)
+    reach = np.full(4, 2.0)
+    np.testing.assert_allclose(
+        more.states(np.ones(3), reach)[:, [1, 3]], less.states(np.ones(3), reach[:2]), atol=1e-12
+    )
+    np.testing.assert_array_equal(more.states(np.ones(3), reach)[:, [0, 2]], 0.0)
+
+
 def test_a_state_that_hardly_shows_moves_no_farther_than_its_reach() -> None:
     design = np.zeros((1, 6, 2))
     design[0, :, 0], design[0, 5, 1] = 1.0, 1e-3

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 from collections.abc import Callable
 from typing import Any
 
@@ -63,3 +64,14 @@ def model_text() -> str:
     <body name="rod"><joint name="hip" axis="0 1 0"/>
     <inertial pos="0 0 -0.5" mass="1" diaginertia="0.08 0.08 0.001"/></body></worldbody>
     <actuator><motor name="drive" joint="hip"/></actuator></mujoco>"""
+
+
+def test_a_prescribed_joint_is_followed_and_not_scored(double: Any) -> None:
+    """The rig's torque is not known: only with its motion as an input does the right model forecast the elbow."""
+    model, held = double.model(), double.record(5, noise=double.noise)
+    right = evaluate(model, [held], nthread=1)
+    assert [entry["channel"] for entry in right["runs"]] == ["qpos.elbow"]
+    assert right["free_run"]["error"] < 1.3 * right["free_run"]["noise"]
+    assert right["one_step"]["error"] < 3 * right["one_step"]["noise"]
+    free = evaluate(model, [dataclasses.replace(held, prescribed=())], nthread=1)
+    assert free["free_run"]["error"] > 100 * right["free_run"]["error"]

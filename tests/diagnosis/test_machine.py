@@ -66,3 +66,14 @@ def test_an_actuator_without_input_needs_no_control(bench, record) -> None:
     machine = make_machine(mujoco.MjModel.from_xml_string(bench.xml.replace("<motor", loss)), [record()], [record()])
     assert machine.notes == ()
     np.testing.assert_array_equal(machine.fit[0].control[:, 0], record()["ctrl.drive"].numpy()[:-1])
+
+
+def test_what_prescribed_means_is_noted_and_it_may_rest(double) -> None:
+    still = [double.record(seed, seconds=1.0) for seed in (0, 1)]
+    still = [run.replace({"qpos.shoulder": 0.0 * run.time + 0.2}) for run in still]
+    machine = make_machine(double.model(), still, [])
+    assert machine.notes[0].startswith("Prescribed: shoulder. Simulations follow the recorded motion there")
+    head, tail = machine.fit[1].prescribed, machine.holdout[0].prescribed
+    assert head is not None and tail is not None
+    assert (len(head), len(tail)) == (len(machine.fit[1]), len(machine.holdout[0]))
+    np.testing.assert_allclose(tail.smooth, 0.2)

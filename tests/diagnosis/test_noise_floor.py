@@ -51,3 +51,14 @@ def test_a_short_run_a_broken_one_and_a_slow_one_count_as_white(make_plain_run) 
 def test_no_floor_is_below_what_rigid_bodies_hold(make_plain_run) -> None:
     run = make_plain_run(motion(1000), noise=1e-12)
     assert noise_floor([run]).scale[0] == pytest.approx(3e-5 * motion(1000).std(), rel=1e-6)
+
+
+def test_the_noise_of_a_prescribed_joint_comes_on_top(make_plain_run) -> None:
+    """Grown by a half, as it is in simulations; the rigid bodies' floor is no noise of what is prescribed."""
+    rig = make_plain_run(motion(1000), noise=4e-3)
+    run = dataclasses.replace(make_plain_run(motion(1000), noise=3e-3), prescribed=rig, coupling=np.array([[0.5]]))
+    assert noise_floor([run]).scale[0] == pytest.approx(1e-3 * np.hypot(3.0, 1.5 * 2.0))
+    exact = dataclasses.replace(
+        run, prescribed=dataclasses.replace(rig, position=1e6 * rig.position, noise=np.zeros(1))
+    )
+    assert noise_floor([exact]).scale[0] == pytest.approx(3e-3)

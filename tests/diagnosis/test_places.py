@@ -4,7 +4,9 @@ import dataclasses
 
 import numpy as np
 import pytest
+import torch
 
+from torch_activegp.diagnosis.machine import make_machine
 from torch_activegp.diagnosis.places import effects_for
 
 
@@ -41,3 +43,16 @@ def test_an_actuator_whose_control_rests_has_no_effects(bench) -> None:
     rest = [dataclasses.replace(run, control=np.ones_like(run.control)) for run in bench.machine.fit]
     effects = effects_for(bench.engine.model, bench.engine.channels, rest)
     assert not [effect for effect in effects if effect.target.startswith("actuator:")]
+
+
+def test_nothing_is_tried_that_acts_on_a_prescribed_joint_alone(double) -> None:
+    recordings = [double.record(seed, seconds=1.0).replace({"ctrl.rig": torch.linspace(0, 1, 101)}) for seed in (0, 1)]
+    found = {}
+    for prescribed in ((), ("shoulder",)):
+        some = [dataclasses.replace(recording, prescribed=prescribed) for recording in recordings]
+        machine = make_machine(double.model(), some, [])
+        found[prescribed] = {e.target for e in effects_for(machine.model, machine.channels, machine.fit)}
+    lost = {"joint:shoulder", "sensor:shoulder", "actuator:rig", "body:upper"}
+    assert found["shoulder",] == found[()] - lost
+    assert lost < found[()]
+    assert "body:lower" in found["shoulder",]

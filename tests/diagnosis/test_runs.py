@@ -108,3 +108,46 @@ def test_angles_are_unwrapped(model, channels, record) -> None:
     turning = record(qpos__hip=np.angle(np.exp(1j * 4 * time)))
     run = make_run(turning, model, channels)
     np.testing.assert_allclose(run.position[:, 0], 4 * time, atol=1e-9)
+
+
+def test_prescribed_joints_are_no_channels(double) -> None:
+    recording = double.record(0, seconds=1.0)
+    channels = Channels.of(double.model(), [recording, recording])
+    assert (channels.joints, channels.dof.tolist()) == (("elbow",), [1])
+    assert channels.prescribed is not None
+    assert (channels.prescribed.joints, channels.prescribed.qpos.tolist()) == (("shoulder",), [0])
+    run = make_run(recording, double.model(), channels)
+    assert run.position.shape == run.smooth.shape == (101, 1)
+    assert run.prescribed is not None and run.coupling is not None
+    assert run.coupling.shape == (1, 1)
+    q, v, _ = double.path(recording.time.numpy(), 0)
+    np.testing.assert_allclose(run.prescribed.smooth[:, 0], q, atol=1e-6)
+    np.testing.assert_allclose(run.prescribed.velocity[:, 0], v, atol=1e-4)
+
+
+def test_prescribed_motion_is_followed_within_its_noise_and_not_smoothed_away(double) -> None:
+    recording = double.record(0, noise=0.01)
+    run = make_run(recording, double.model(), Channels.of(double.model(), [recording]))
+    assert run.prescribed is not None
+    q, v, _ = double.path(recording.time.numpy(), 0)
+    assert run.prescribed.noise[0] == pytest.approx(1e-3, rel=0.2)
+    assert (run.prescribed.smooth[:, 0] - q).std() < 0.5e-3
+    assert np.abs(run.prescribed.velocity[:, 0] - v)[20:-20].max() < 0.05
+
+
+def test_joints_that_cannot_be_prescribed_are_refused(double) -> None:
+    model, one, other = double.model(), double.record(0, seconds=1.0), double.record(1, seconds=1.0, prescribed=())
+    with pytest.raises(
+        DataError, match="the same prescribed joints in all recordings wanted, found shoulder in run0 and n"
+    ):
+        Channels.of(model, [one, other])
+    both = double.record(0, seconds=1.0, prescribed=("shoulder", "elbow"))
+    with pytest.raises(
+        DataError, match="run0: a recorded joint to explain wanted, found that all of them are prescribed"
+    ):
+        Channels.of(model, [both])
+    strange = Recording.from_columns(
+        "b", {"time": np.arange(30) * 0.01, "qpos.elbow": np.ones(30), "qpos.table": np.ones(30)}, prescribed=("table",)
+    )
+    with pytest.raises(DataError, match=r"b, column `qpos\.table`: the model has no joint `table`"):
+        Channels.of(model, [strange])

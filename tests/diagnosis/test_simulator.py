@@ -14,6 +14,7 @@ import torch
 
 from torch_activegp.diagnosis import Diagnosis, EffectSimulator
 from torch_activegp.diagnosis.engine import Candidate
+from torch_activegp.diagnosis.runs import Channels
 from torch_activegp.diagnosis.simulator import corrected_simulator
 from torch_activegp.diagnosis.source import read_source
 from torch_activegp.errors import ConfigurationError, ShapeError, SimulationError
@@ -122,3 +123,14 @@ def test_a_diagnosis_gives_a_prior_mean_in_one_line(diagnosed: Callable[[str], D
     plain = MujocoSimulator(bench.xml)(start[:, :2], start[:, 2:])[0, 1].item()
     lost = bench.viscous * 2.0 / 0.33 * 0.005
     assert plain - speed == pytest.approx(lost, rel=0.1)
+
+
+def test_a_joint_that_was_prescribed_moves_by_itself_again(double: Any) -> None:
+    """The corrected simulator is that of the machine, not that of the rig."""
+    nominal = double.model()
+    channels = Channels.of(nominal, [double.record(0, seconds=1.0)])
+    simulator = EffectSimulator(nominal, channels, Candidate(), dt=0.01, substeps=2)
+    state = torch.tensor([0.3, -0.2, 0.0, 1.0], dtype=torch.float64)
+    actions = torch.zeros(30, 2, dtype=torch.float64)
+    expected = MujocoSimulator(nominal, frame_skip=2).rollout(state, actions)
+    torch.testing.assert_close(simulator.rollout(state, actions), expected, atol=1e-9, rtol=0)

@@ -62,7 +62,11 @@ Holdout = Annotated[
     ),
 ]
 Columns = Annotated[
-    Path | None, typer.Option(help="Renames and rescales columns of the recordings.", metavar="MAP.toml")
+    Path | None,
+    typer.Option(
+        help="Renames and rescales columns of the recordings; says which joints something else moved.",
+        metavar="MAP.toml",
+    ),
 ]
 RECORDINGS = (
     "CSV, Parquet, NPZ, HDF5, MAT or a TensorDict memmap, with columns time, qpos.JOINT, qvel.JOINT (may be left out), "

@@ -192,9 +192,15 @@ def check_recordings(box: BlackBox, recordings: Sequence[Recording]) -> None:
     """Checks that recordings hold nothing that a black box cannot take.
 
     Raises:
-        DataError: one holds an external force.
+        DataError: one holds an external force, or prescribes the motion of a joint.
     """
     for recording in recordings:
+        if recording.prescribed:
+            raise DataError(
+                f"{recording.label}: `{recording.prescribed[0]}` is said to be prescribed, and {box.name} only returns "
+                "its next state, so no joint of it can be held to a motion. Give an MJCF model, or make the motion an "
+                "action of the simulator."
+            )
         forces = [column for column in recording.columns if column.startswith("qfrc.")]
         if forces:
             raise DataError(

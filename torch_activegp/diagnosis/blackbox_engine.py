@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 
 import numpy as np
 from numpy.typing import NDArray
@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from torch_activegp.diagnosis.blackbox import BlackBox
 from torch_activegp.diagnosis.candidate import Candidate, grouped
 from torch_activegp.diagnosis.controls import Controls, added
-from torch_activegp.diagnosis.engine import Engine, _padded, substeps_for
+from torch_activegp.diagnosis.engine import Act, Engine, _padded, before_steps, substeps_for
 from torch_activegp.diagnosis.force_gp import Remainder
 from torch_activegp.diagnosis.hermite import position_between, velocity_between
 from torch_activegp.diagnosis.machine import Machine
@@ -18,15 +18,13 @@ from torch_activegp.diagnosis.numerics import Numerics
 from torch_activegp.diagnosis.runs import Array, Channels
 from torch_activegp.diagnosis.segments import Segments
 from torch_activegp.errors import ConfigurationError
-from torch_activegp.physics.effect import Effect, Index, Step
+from torch_activegp.physics.effect import Index, Step
 from torch_activegp.physics.friction import AsymmetricCoulomb, CoulombFriction, StribeckFriction
 from torch_activegp.physics.joint import JointEffect
 
 _DRY = (CoulombFriction, StribeckFriction, AsymmetricCoulomb)
 _EXACT = 1e-9
 _TINY = 1e-100
-
-Act = Callable[[Step], None]
 
 
 class BlackBoxEngine(Engine):
@@ -150,7 +148,7 @@ class _Laws:
                     if positions is not None:
                         memory = effect.memory(positions, np.tile(starts, (len(which), 1)), repeated)
                 at_both_ends = isinstance(effect, (JointEffect, Remainder))
-                (self._smooth if at_both_ends else self._once).append(_acting(effect, rows, repeated, memory))
+                (self._smooth if at_both_ends else self._once).append(before_steps(effect, rows, repeated, memory))
 
     def begin(self, q: Array, v: Array, control: Array, held: Array, dt: float) -> Array:
         """Accelerations ``(R, n)`` at the start of a step, on top of those that are held over it."""
@@ -186,10 +184,6 @@ class _Laws:
 
 def _law(effect: JointEffect, rows: Index, values: Array) -> Act:
     return lambda step: JointEffect.before_step(effect, step, rows, values, None)
-
-
-def _acting(effect: Effect, rows: Index, values: Array, memory: Array | None) -> Act:
-    return lambda step: effect.before_step(step, rows, values, memory)
 
 
 def _no_field(name: str) -> Array:

@@ -16,8 +16,8 @@ class Eliminated:
     Args:
         normal: ``(S, P, P)``.
         gradient: ``(S, P)``.
-        basis: orthonormal basis of the states' directions, ``(S, M, n)``.
-        triangle: ``(S, n, n)``.
+        basis: orthonormal basis of the directions of the m states that move anything, ``(S, M, m)``.
+        triangle: ``(S, m, n)``.
         columns: the parameters' columns ``(S, M, P)`` before projection.
         residual: ``(S, M)``.
     """
@@ -84,7 +84,10 @@ def eliminate(design: Array, columns: Array, residual: Array) -> Eliminated:
         columns: derivatives by the parameters, ``(S, M, P)``.
         residual: ``(S, M)``.
     """
-    basis, triangle = np.linalg.qr(design)
+    moving = design.any(axis=(0, 1))
+    basis, small = np.linalg.qr(design[..., moving])
+    triangle = np.zeros((len(design), small.shape[1], design.shape[-1]))
+    triangle[..., moving] = small
     inside = basis.transpose(0, 2, 1) @ columns
     free = columns - basis @ inside
     left = residual - np.einsum("smn,sn->sm", basis, np.einsum("smn,sm->sn", basis, residual))

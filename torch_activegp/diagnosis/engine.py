@@ -5,21 +5,21 @@ from __future__ import annotations
 import copy
 import itertools
 import logging
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 
 import mujoco
 import mujoco.batch
 import numpy as np
-from numpy.typing import NDArray
 
 from torch_activegp.diagnosis.candidate import NOMINAL, Candidate, grouped
 from torch_activegp.diagnosis.controls import Controls, added
 from torch_activegp.diagnosis.hermite import position_between, velocity_between
+from torch_activegp.diagnosis.prescribed_motion import PrescribedMotion, make_heavy
 from torch_activegp.diagnosis.readings import readings
 from torch_activegp.diagnosis.runs import Array, Channels, Run, median_step
 from torch_activegp.diagnosis.segments import Segments
 from torch_activegp.errors import ConfigurationError
-from torch_activegp.physics.effect import Effect, Step
+from torch_activegp.physics.effect import Effect, Index, Step
 from torch_activegp.simulators.mujoco_warnings import warnings_to
 
 _logger = logging.getLogger(__name__)
@@ -28,13 +28,16 @@ _FEW = 64
 _MAX_BYTES = 60_000_000
 _Disable = mujoco.mjtDisableBit
 
+Act = Callable[[Step], None]
+"""What is done before a time step."""
+
 
 class Engine:
     """Runs a MuJoCo model with effects.
 
     Args:
         model: compiled nominal model; it is copied.
-        channels: the recorded joints.
+        channels: the recorded joints; those of them that are prescribed follow the runs.
         substeps: time steps in each interval between rows.
         nthread: threads; 0 for all cores.
         integrator: one of ``mujoco.mjtIntegrator`` in place of the model's own.
@@ -55,6 +58,8 @@ class Engine:
         self.model.opt.disableflags |= int(_Disable.mjDSBL_SENSOR)  # readings come from the states
         if integrator is not None:
             self.model.opt.integrator = integrator
+        if channels.prescribed is not None:
+            make_heavy(self.model, channels.prescribed)
         self.channels = channels
         self.substeps = substeps
         self.nthread = nthread
@@ -74,6 +79,10 @@ class Engine:
         for s, (run, first) in enumerate(zip(segments.run, segments.first, strict=True)):
             states[s, channels.qpos] = segments.runs[run].smooth[first]
             states[s, model.nq + channels.dof] = segments.runs[run].velocity[first]
+            given = segments.runs[run].prescribed
+            if channels.prescribed is not None and given is not None:
+                states[s, channels.prescribed.qpos] = given.smooth[first]
+                states[s, model.nq + channels.prescribed.dof] = given.velocity[first]
         return states
 
     def predict(self, segments: Segments, starts: Array, candidates: Sequence[Candidate]) -> tuple[Array, Array]:
@@ -124,6 +133,7 @@ class Engine:
         edges = [*range(0, intervals, self.stride), intervals]
         lengths = np.add.reduceat(segments.dt, edges[:-1], axis=1) / self.substeps
         steps = np.broadcast_to(lengths, (count, *lengths.shape)).reshape(rows, -1)
+        acting = [*self._following(segments, lengths, starts[0]), *acting]
         states = np.empty((rows, intervals + 1, self.state_size))
         states[:, 0] = flat
         calls, at_once = (1, self.substeps) if control.held and not acting else (self.substeps, 1)
@@ -137,8 +147,8 @@ class Engine:
                         step = Step(
                             views["qpos"], views["qvel"], views["ctrl"], views["qfrc_applied"], fields, steps[:, k]
                         )
-                        for effect, which, values, memory in acting:
-                            effect.before_step(step, which, values, memory)
+                        for act in acting:
+                            act(step)
                     try:
                         batch.step(ids, at_once)
                     except mujoco.batch.SimulationError as error:
@@ -155,11 +165,11 @@ class Engine:
 
     def _acting(
         self, segments: Segments, candidates: Sequence[Candidate], batch: mujoco.batch.Batch, fields: _Fields
-    ) -> tuple[list[tuple[Effect, NDArray[np.int64], Array, Array | None]], bool]:
-        """Applies the edits of the models; returns the effects that act in every step, and if constants changed."""
+    ) -> tuple[list[Act], bool]:
+        """Applies the edits of the models; returns what acts in every step, and if constants changed."""
         size, derived = segments.size, False
         starts = np.stack([segments.run, segments.first], axis=1)
-        acting = []
+        acting: list[Act] = []
         for effect, which, values in grouped(candidates):
             rows = (which[:, None] * size + np.arange(size)).ravel()
             repeated = np.repeat(values, size, axis=0)
@@ -170,10 +180,18 @@ class Engine:
                     positions = _padded([run.smooth for run in segments.runs], self.channels, effect.qpos)
                     if positions is not None:
                         memory = effect.memory(positions, np.tile(starts, (len(which), 1)), repeated)
-                acting.append((effect, rows, repeated, memory))
+                acting.append(before_steps(effect, rows, repeated, memory))
         if derived:
             batch.set_const(np.arange(len(candidates) * size, dtype=np.int32))
         return acting, derived
+
+    def _following(self, segments: Segments, lengths: Array, starts: Array) -> list[Act]:
+        """What moves the prescribed joints, where there are any, in substeps of given lengths ``(S, K)``, s."""
+        joints = self.channels.prescribed
+        if joints is None:
+            return []
+        steps = np.repeat(lengths, self.substeps, axis=1)
+        return [PrescribedMotion(self.model, joints, segments, steps, starts[:, joints.qpos])]
 
     def _batch_for(self, rows: int) -> mujoco.batch.Batch:
         """A batch with room for so many simulations; a few of them wait longer for threads than for each other."""
@@ -190,6 +208,11 @@ class Engine:
             self._batches[few] = batch
             self._reset_row = batch.state[0].copy()
         return batch
+
+
+def before_steps(effect: Effect, rows: Index, values: Array, memory: Array | None) -> Act:
+    """What an effect does before every time step."""
+    return lambda step: effect.before_step(step, rows, values, memory)
 
 
 def _mean(columns: list[Array]) -> Array:

@@ -60,6 +60,8 @@ def make_machine(
     notes: list[str] = []
     recordings, holdout = _long_enough(recordings, notes), _long_enough(holdout, notes)
     inputs = input_addresses(model)
+    if channels.prescribed is not None:
+        notes.append(_prescribed(channels.prescribed))
     for recording in [*recordings, *holdout]:
         notes += [f"{recording.label}: {note}" for note in recording.notes]
         missing = [f"ctrl.{name}" for name in inputs if name not in recording.actuators]
@@ -77,6 +79,14 @@ def make_machine(
         fit, kept, note = _set_aside(fit)
         notes.append(note)
     return Machine(model, channels, tuple(fit), tuple(kept), tuple(dict.fromkeys(notes)), box)
+
+
+def _prescribed(joints: Channels) -> str:
+    """What it means that joints are prescribed, in words."""
+    return (
+        f"Prescribed: {', '.join(joints.joints)}. Simulations follow the recorded motion there, which drives the other "
+        "joints; it is not scored, and nothing is sought there."
+    )
 
 
 def _long_enough(recordings: Sequence[Recording], notes: list[str]) -> list[Recording]:
@@ -121,4 +131,5 @@ def _part(run: Run, start: int, stop: int, name: str) -> Run:
     rows = {f: getattr(run, f)[start:stop] for f in ("position", "recorded", "velocity", "smooth")}
     held = {f: getattr(run, f)[start : stop - 1] for f in ("control", "force")}
     time = run.time[start:stop] - run.time[start]
-    return dataclasses.replace(run, label=f"{run.label} ({name})", time=time, **rows, **held)
+    given = None if run.prescribed is None else _part(run.prescribed, start, stop, name)
+    return dataclasses.replace(run, label=f"{run.label} ({name})", time=time, prescribed=given, **rows, **held)

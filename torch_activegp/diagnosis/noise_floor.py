@@ -20,6 +20,8 @@ _COLOURED = 0.4
 _COMPLETE = 0.9
 _JITTER = 0.02
 _FINEST = 3e-5
+_GROWS = 1.5
+"""What a displacement of a prescribed joint becomes on its way through a segment, beyond what inertia makes of it."""
 
 
 def noise_floor(runs: Sequence[Run]) -> NoiseModel:
@@ -29,19 +31,35 @@ def noise_floor(runs: Sequence[Run]) -> NoiseModel:
     level is not; it shows in the spectrum above the machine's motion, which is flat for white noise. Recordings slower
     than 67 Hz leave no such band: their noise counts as white. Where the controls repeat and the motion has settled,
     noise is what differs from period to period, and neither is asked. No floor is below 3e-5 of the motion: rigid
-    bodies, and the arithmetic that simulates them, are no more exact than that.
+    bodies, and the arithmetic that simulates them, are no more exact than that. The noise of prescribed joints moves
+    the others in a simulation, and comes on top of theirs.
 
     Args:
         runs: at least one.
     """
     spread = np.sqrt(np.mean([run.position.var(axis=0) for run in runs], axis=0))
-    scale = np.maximum(np.sqrt(np.mean([run.noise**2 for run in runs], axis=0)), _FINEST * spread) + 1e-12
+    own = _own(runs, _FINEST * spread)
+    return NoiseModel(np.hypot(own.scale, _carried(runs)), own.colour)
+
+
+def _own(runs: Sequence[Run], least: Array | float = 0.0) -> NoiseModel:
+    """Noise of the channels themselves."""
+    scale = np.maximum(np.sqrt(np.mean([run.noise**2 for run in runs], axis=0)), least) + 1e-12
     colour = np.zeros((len(scale), 2))
     for channel in range(len(scale)):
         found = noise_from_periods(runs, channel) or _colour(runs, channel)
         if found is not None:
             colour[channel], scale[channel] = found
     return NoiseModel(np.asarray(scale), colour)
+
+
+def _carried(runs: Sequence[Run]) -> Array | float:
+    """What the noise of prescribed joints adds to each channel, ``(C,)``."""
+    given = [run.prescribed for run in runs if run.prescribed is not None]
+    coupling = [run.coupling for run in runs if run.coupling is not None]
+    if not given:
+        return 0.0
+    return np.asarray(_GROWS * np.sqrt(np.mean(np.square(coupling), axis=0) @ _own(given).scale ** 2))
 
 
 def _colour(runs: Sequence[Run], channel: int) -> tuple[tuple[float, float], float] | None:

@@ -6,9 +6,12 @@ from collections.abc import Sequence
 
 import mujoco
 import numpy as np
+from numpy.typing import NDArray
 
+from torch_activegp.diagnosis.prescribed_motion import only_on
 from torch_activegp.diagnosis.runs import Array, Channels, Run, median_step
 from torch_activegp.physics import Effect, Place, catalogue
+from torch_activegp.physics.inertia import BodyEffect
 
 
 def effects_for(
@@ -30,7 +33,9 @@ def effects_for(
         Place(p.target, c, p.position_unit, p.force_unit, p.position, p.speed, p.top_speed, p.force, dt=p.dt)
         for c, p in enumerate(joints)
     ]
-    return catalogue(model, joints, _actuators(model, runs), sensors, more)
+    effects = catalogue(model, joints, _actuators(model, channels, runs), sensors, more)
+    moved = _moved(model, channels)
+    return [effect for effect in effects if not isinstance(effect, BodyEffect) or moved[effect.body]]
 
 
 def _joint(model: mujoco.MjModel, channels: Channels, runs: Sequence[Run], c: int) -> Place:
@@ -58,10 +63,25 @@ def _joint(model: mujoco.MjModel, channels: Channels, runs: Sequence[Run], c: in
     )
 
 
-def _actuators(model: mujoco.MjModel, runs: Sequence[Run]) -> list[Place]:
+def _moved(model: mujoco.MjModel, channels: Channels) -> NDArray[np.bool_]:
+    """The bodies that a joint moves whose motion is not prescribed, ``(nbody,)``."""
+    free = np.ones(model.nv, dtype=bool)
+    if channels.prescribed is not None:
+        free[channels.prescribed.dof] = False
+    moved = np.zeros(model.nbody, dtype=bool)
+    moved[model.dof_bodyid[free]] = True
+    for body in range(1, model.nbody):
+        moved[body] |= moved[model.body_parentid[body]]
+    return moved
+
+
+def _actuators(model: mujoco.MjModel, channels: Channels, runs: Sequence[Run]) -> list[Place]:
     control = np.concatenate([run.control for run in runs])
+    idle = np.zeros(model.nactuator, dtype=bool)
+    if channels.prescribed is not None:
+        idle = only_on(model, channels.prescribed)
     places = []
-    for i in range(model.nactuator):
+    for i in np.flatnonzero(~idle):
         first = int(model.actuator_ctrladr[i])
         signal: Array = control[:, first]
         if np.ptp(signal) > 0:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Sequence
+from collections.abc import Callable, Mapping, Sequence
 
 import mujoco
 import numpy as np
@@ -12,12 +12,16 @@ from numpy.typing import NDArray
 from scipy.ndimage import uniform_filter1d
 
 from torch_activegp.data import Recording, choose_window, noise_std, unwrap_angles
-from torch_activegp.data.local_polynomial import local_slope
+from torch_activegp.data.local_polynomial import local_motion, local_slope
+from torch_activegp.diagnosis.coupling import coupling
 from torch_activegp.errors import DataError
 
 Array = NDArray[np.float64]
+Smoother = Callable[[Array, Array, float], tuple[Array, Array]]
 _SCALAR = (int(mujoco.mjtJoint.mjJNT_HINGE), int(mujoco.mjtJoint.mjJNT_SLIDE))
 _MISSING = 1.5
+_FAITHFUL = 5
+"""Degree of the polynomials along which prescribed motion is freed of noise."""
 MIN_ROWS = 12
 
 
@@ -30,46 +34,43 @@ class Channels:
         qpos: addresses of their positions, ``(C,)``.
         dof: addresses of their velocities, ``(C,)``.
         hinge: whether each is a hinge, ``(C,)``.
+        prescribed: the joints whose motion is an input and is not explained; None where there are none.
     """
 
     joints: tuple[str, ...]
     qpos: NDArray[np.int64]
     dof: NDArray[np.int64]
     hinge: NDArray[np.bool_]
+    prescribed: Channels | None = None
 
     @classmethod
     def of(cls, model: mujoco.MjModel, recordings: Sequence[Recording]) -> Channels:
         """Finds the joints that every recording holds.
 
         Raises:
-            DataError: a recorded joint or actuator is not in the model, or no joint is in all recordings.
+            DataError: a recorded joint or actuator is not in the model, no joint is in all recordings, or they do not
+                prescribe the same joints, or prescribe all.
         """
         names = {model.joint(i).name or f"joint{i}": i for i in range(model.njnt)}
-        actuators = input_addresses(model)
         for recording in recordings:
-            for joint in recording.joints:
-                if joint not in names:
-                    raise DataError(
-                        f"{recording.label}, column `qpos.{joint}`: the model has no joint `{joint}`; its joints are "
-                        f"{', '.join(names) or 'none'}. Rename the column, or map it (--columns MAP.toml)."
-                    )
-                if int(model.jnt_type[names[joint]]) not in _SCALAR:
-                    raise DataError(
-                        f"{recording.label}, column `qpos.{joint}`: a hinge or a slide wanted, found a free or ball "
-                        "joint. Model it as hinges and slides, one column each."
-                    )
-            for actuator in recording.actuators:
-                if actuator not in actuators:
-                    raise DataError(
-                        f"{recording.label}, column `ctrl.{actuator}`: the model has no actuator `{actuator}`; its "
-                        f"actuators are {', '.join(sorted(actuators)) or 'none'}. Rename the column, or map it."
-                    )
+            _check_columns(recording, model, names)
+        prescribed = _prescribed(recordings)
         common = [name for name in names if all(f"qpos.{name}" in recording for recording in recordings)]
         if not common:
             raise DataError("no joint has a position in all recordings. Give recordings of the same joints.")
-        ids = [names[name] for name in common]
+        free = [name for name in common if name not in prescribed]
+        if not free:
+            raise DataError(
+                f"{recordings[0].label}: a recorded joint to explain wanted, found that all of them are prescribed "
+                f"({', '.join(common)}). Leave `prescribed` out of the column map for those that the machine moved."
+            )
+        given = cls._at(model, [names[name] for name in names if name in prescribed]) if prescribed else None
+        return dataclasses.replace(cls._at(model, [names[name] for name in free]), prescribed=given)
+
+    @classmethod
+    def _at(cls, model: mujoco.MjModel, ids: list[int]) -> Channels:
         return cls(
-            tuple(common),
+            tuple(model.joint(i).name or f"joint{i}" for i in ids),
             model.jnt_qposadr[ids].astype(np.int64),
             model.jnt_dofadr[ids].astype(np.int64),
             model.jnt_type[ids] == int(mujoco.mjtJoint.mjJNT_HINGE),
@@ -95,6 +96,8 @@ class Run:
         control: held from each row to the next, within the actuators' limits, ``(K, nu)``.
         force: known external generalised force, ``(K, nv)``.
         noise: white-noise floor of each channel from differences, ``(C,)``.
+        prescribed: the same of the P prescribed joints; None where they stay where a simulation starts.
+        coupling: how far a displacement of one of them moves each channel, ``(C, P)``.
     """
 
     label: str
@@ -106,6 +109,8 @@ class Run:
     control: Array
     force: Array
     noise: Array
+    prescribed: Run | None = None
+    coupling: Array | None = None
 
     @property
     def dt(self) -> Array:
@@ -119,12 +124,24 @@ class Run:
 def make_run(recording: Recording, model: mujoco.MjModel, channels: Channels) -> Run:
     """Lays a recording over a model.
 
-    A dropped row (a step of more than 1.5 median steps) is filled with rows that hold the control and count for
+    The motion of prescribed joints is followed more closely than that of the others, which only guides first guesses. A
+    dropped row (a step of more than 1.5 median steps) is filled with rows that hold the control and count for
     nothing.
 
     Raises:
         DataError: too short, or an external force on a joint that the model does not have.
     """
+    run = _laid(recording, model, channels, _smooth)
+    if channels.prescribed is None:
+        return run
+    given = _laid(recording, model, channels.prescribed, _follow)
+    poses = np.tile(model.qpos0, (len(run), 1))
+    poses[:, channels.qpos], poses[:, channels.prescribed.qpos] = run.smooth, given.smooth
+    carried = coupling(model, poses, channels.dof, channels.prescribed.dof)
+    return dataclasses.replace(run, prescribed=given, coupling=carried)
+
+
+def _laid(recording: Recording, model: mujoco.MjModel, channels: Channels, smooth: Smoother) -> Run:
     if len(recording) < MIN_ROWS:
         raise DataError(f"{recording.label}: too short, {len(recording)} rows found, {MIN_ROWS} wanted. Record longer.")
     columns = [f"qpos.{joint}" for joint in channels.joints]
@@ -143,8 +160,8 @@ def make_run(recording: Recording, model: mujoco.MjModel, channels: Channels) ->
         if column.startswith("qfrc."):
             force[:, _dof(model, recording.label, column)] = recording[column].numpy()
     noise = np.array([noise_std(torch.from_numpy(signal.copy()), recording.time) for signal in position.T])
-    slopes, smooth = zip(
-        *(_smooth(time, signal, sigma) for signal, sigma in zip(position.T, noise, strict=True)), strict=True
+    slopes, values = zip(
+        *(smooth(time, signal, sigma) for signal, sigma in zip(position.T, noise, strict=True)), strict=True
     )
     index, clock = _filled(time)
     held = np.minimum(np.searchsorted(time, clock + 1e-12, side="right") - 1, len(time) - 1)
@@ -154,7 +171,7 @@ def make_run(recording: Recording, model: mujoco.MjModel, channels: Channels) ->
         position=_interpolate(clock, time, position),
         recorded=index,
         velocity=_interpolate(clock, time, np.stack(slopes, axis=1)),
-        smooth=_interpolate(clock, time, np.stack(smooth, axis=1)),
+        smooth=_interpolate(clock, time, np.stack(values, axis=1)),
         control=control[held[:-1]],
         force=force[held[:-1]],
         noise=noise,
@@ -184,6 +201,41 @@ def _dof(model: mujoco.MjModel, label: str, column: str) -> int:
     return int(model.jnt_dofadr[names.index(name)])
 
 
+def _check_columns(recording: Recording, model: mujoco.MjModel, names: Mapping[str, int]) -> None:
+    """Refuses joints and actuators that the model does not have, or not as a hinge or a slide."""
+    for joint in recording.joints:
+        if joint not in names:
+            raise DataError(
+                f"{recording.label}, column `qpos.{joint}`: the model has no joint `{joint}`; its joints are "
+                f"{', '.join(names) or 'none'}. Rename the column, or map it (--columns MAP.toml)."
+            )
+        if int(model.jnt_type[names[joint]]) not in _SCALAR:
+            raise DataError(
+                f"{recording.label}, column `qpos.{joint}`: a hinge or a slide wanted, found a free or ball "
+                "joint. Model it as hinges and slides, one column each."
+            )
+    actuators = input_addresses(model)
+    for actuator in recording.actuators:
+        if actuator not in actuators:
+            raise DataError(
+                f"{recording.label}, column `ctrl.{actuator}`: the model has no actuator `{actuator}`; its "
+                f"actuators are {', '.join(sorted(actuators)) or 'none'}. Rename the column, or map it."
+            )
+
+
+def _prescribed(recordings: Sequence[Recording]) -> set[str]:
+    """The joints whose motion all recordings prescribe."""
+    first = recordings[0]
+    for other in recordings:
+        if set(other.prescribed) != set(first.prescribed):
+            found = [f"{', '.join(run.prescribed) or 'none'} in {run.label}" for run in (first, other)]
+            raise DataError(
+                f"{other.label}: the same prescribed joints in all recordings wanted, found {' and '.join(found)}. "
+                "Diagnose them apart."
+            )
+    return set(first.prescribed)
+
+
 def _smooth(time: Array, signal: Array, sigma: float) -> tuple[Array, Array]:
     """Slope and value of a signal, freed of noise by local polynomials."""
     t, y = torch.from_numpy(time.copy()), torch.from_numpy(signal.copy())
@@ -193,6 +245,14 @@ def _smooth(time: Array, signal: Array, sigma: float) -> tuple[Array, Array]:
     half = max(window // 4, 1)
     trend = np.concatenate([[0.0], np.cumsum(0.5 * (slope[1:] + slope[:-1]) * np.diff(time))])
     return slope, trend + uniform_filter1d(signal - trend, 2 * half + 1, mode="nearest")
+
+
+def _follow(time: Array, signal: Array, sigma: float) -> tuple[Array, Array]:
+    """The same where a motion is an input: no part of it may be smoothed away, and noise may rather stay."""
+    t, y = torch.from_numpy(time.copy()), torch.from_numpy(signal.copy())
+    window = choose_window(t, y, sigma) if len(time) >= 15 else 5
+    value, slope = local_motion(t, y, max(window, _FAITHFUL + 2), _FAITHFUL)
+    return slope.numpy(), value.numpy()
 
 
 def _filled(time: Array) -> tuple[NDArray[np.bool_], Array]:

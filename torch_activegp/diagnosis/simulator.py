@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import logging
 import math
 from typing import Any
@@ -31,7 +32,7 @@ class EffectSimulator(Simulator):
 
     Args:
         model: nominal model, without activations.
-        channels: the joints that effects with a memory follow.
+        channels: the joints that effects with a memory follow; all move by themselves, also those that were prescribed.
         candidate: effects and their values.
         dt: time between two states, s.
         substeps: time steps in ``dt``.
@@ -57,7 +58,7 @@ class EffectSimulator(Simulator):
             )
         super().__init__(state_space(model), action_space(model), dt)
         self.candidate = candidate
-        self._parts = (model, channels, substeps, 0, integrator)
+        self._parts = (model, dataclasses.replace(channels, prescribed=None), substeps, 0, integrator)
         self._engine: Engine | None = None
 
     def __getstate__(self) -> dict[str, Any]:
