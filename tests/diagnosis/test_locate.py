@@ -56,20 +56,21 @@ def test_every_joint_with_something_gets_an_entry_by_share() -> None:
 
 
 def test_what_is_named_says_where_it_acts(bench) -> None:
-    stop, slip = bench.effect("joint_stop"), bench.effect("stribeck_friction")
-    assert somewhere(bench.engine.model, [(bench.effect("viscous_friction"), np.array([0.1]))]) == {}
-    (end,) = somewhere(bench.engine.model, [(stop, np.array([9.0, 1.0, 0.7])), (slip, np.ones(3))]).values()
-    assert end == (("qpos.hip", 0.7, np.inf) if stop.variant == "upper" else ("qpos.hip", -np.inf, -0.7))
-    zone = somewhere(bench.engine.model, [(bench.effect("actuator_dead_zone", "actuator:drive"), np.array([0.2]))])
-    assert zone == {"hip": ("ctrl.drive", -0.2, 0.2)}
-    slow = somewhere(bench.engine.model, [(slip, np.array([1.0, 1.0, 0.1]))])["hip"]
+    stops = [effect for effect in bench.effects if effect.name == "joint_stop"]
+    slip = bench.effect("stribeck_friction")
+    assert somewhere([(bench.effect("viscous_friction"), np.array([0.1]))]) == {}
+    ends = {e.variant: somewhere([(e, np.array([9.0, 1.0, 0.7])), (slip, np.ones(3))])["hip"] for e in stops}
+    assert ends == {"upper": ("qpos.hip", 0.7, np.inf), "lower": ("qpos.hip", -np.inf, -0.7)}
+    slow = somewhere([(slip, np.array([0.0, 1.0, 0.1]))])["hip"]
     np.testing.assert_allclose(slow[1:], (-0.1517, 0.1517), atol=1e-4)
+    assert somewhere([(slip, np.array([1.0, 1.0, 0.1]))]) == {}
     found = [region("hip", [1.0] * 10, "qvel.hip", 500.0), region("hip", [1.0] * 10, "qpos.hip", 100.0)]
     (entry,) = entries(found, 1000.0, {"hip": ("qpos.hip", 8.5, np.inf)})
     assert entry["region"] == {"qpos.hip": [8.5, 10.0]}
     assert entry["share"] == pytest.approx(0.49)
-    (entry,) = entries(found[:1], 1000.0, {"hip": ("ctrl.drive", -1.0, 1.0)})
-    assert list(entry["region"]) == ["qvel.hip"]
+    for known in (("qpos.hip", 10.5, np.inf), ("ctrl.drive", -1.0, 1.0)):  # past all that was seen; seen nowhere
+        (entry,) = entries(found, 1000.0, {"hip": known})
+        assert list(entry["region"]) == ["qvel.hip"]
 
 
 def test_a_bump_in_the_truth_is_located(diagnosed) -> None:

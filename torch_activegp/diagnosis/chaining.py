@@ -8,10 +8,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from torch_activegp.diagnosis.fit import Fit
+from torch_activegp.diagnosis.gauss_newton import total
 from torch_activegp.diagnosis.runs import Array
 from torch_activegp.diagnosis.shooting import Shooting
 
 _STANDS_OUT = 3.0
+"""A segment stands out by so many times the median chi2 of a sample, and so much at least."""
 _ROUNDS = 3
 _STEPS = 8
 _BETTER = 0.5
@@ -49,7 +51,7 @@ def _with(fit: Fit, which: NDArray[np.int64], part: Fit) -> Fit:
     for name in ("starts", "per_segment", "design"):
         columns[name] = getattr(fit, name).copy()
         columns[name][which] = getattr(part, name)
-    return dataclasses.replace(fit, chi2=float(columns["per_segment"].sum()), **columns)
+    return dataclasses.replace(fit, chi2=total(columns["per_segment"]), **columns)
 
 
 def _continued(shooting: Shooting, fit: Fit) -> Array:

@@ -96,7 +96,7 @@ def _report(
     say("locating", 0.8)
     mismatch = max(nominal.chi2 - shooting.dof, 0.0)
     regions = locate(shooting, nominal) if judgement.verdict != "none" else []
-    places = somewhere(machine.model, _certain(judgement))
+    places = somewhere(_certain(judgement))
     say("forecasting held-out runs", 0.85)
     chosen = judgement.fit if judgement.verdict in ("named", "tie") else nominal
     models = {"before": (explanation.engine, NOMINAL), "after": (explanation.engine, chosen.candidate)}
@@ -156,8 +156,8 @@ def _report(
 
 
 def _certain(judgement: Judgement) -> list[tuple[Effect, Array]]:
-    """The named effects with their parameters, where there are any."""
-    if judgement.verdict not in ("named", "tie"):
+    """The named effects with their parameters, where nothing could stand in for them."""
+    if judgement.verdict != "named":
         return []
     values = dict(zip(judgement.fit.effects, judgement.fit.values, strict=True))
     return [(effect, values[effect]) for effect in judgement.named]
@@ -235,9 +235,10 @@ def _proposal(
     if judgement.verdict == "none":
         return None
     best, *others = [fit for fit, _, _ in judgement.rivals[:4]]
+    shooting = explanation.shooting
     for rival in others:
         found = next_experiment(
-            explanation.shooting.differences, [best, rival], machine.fit, explanation.shooting.noise, seed
+            explanation.engine, [best, rival], machine.fit, shooting.noise, seed, shooting.differences
         )
         if found is not None:
             return found

@@ -11,7 +11,7 @@ from torch_activegp.diagnosis.engine import Candidate, Engine
 from torch_activegp.diagnosis.fit import Fit
 from torch_activegp.diagnosis.noise_model import NoiseModel
 from torch_activegp.diagnosis.runs import Array, Run, input_addresses
-from torch_activegp.diagnosis.segments import cut
+from torch_activegp.diagnosis.segments import Segments, cut
 
 SECONDS = 5.0
 _TRIALS = 24
@@ -20,18 +20,19 @@ _LEAST = 4.0
 
 
 def next_experiment(
-    engine: Engine, rivals: list[Fit], runs: tuple[Run, ...], noise: NoiseModel, seed: int
+    engine: Engine, rivals: list[Fit], runs: tuple[Run, ...], noise: NoiseModel, seed: int, cheap: Engine | None = None
 ) -> tuple[dict[str, Any], str] | None:
     """Chooses, among random multisines within the actuators' limits, the control under which two models differ most.
 
     This is the acquisition of the exploring loop with the rivals' predicted difference in place of the discrepancy.
 
     Args:
-        engine: simulates; a cheap one will do, for only differences count.
+        engine: the precise simulation; says what the chosen trial gains.
         rivals: two fits to be separated.
         runs: recordings, for the time step, the limits and the initial state.
         noise: of the recordings.
         seed: of the random controls.
+        cheap: simulates all trials, to choose one.
 
     Returns:
         The entry of ``diagnosis.json`` and the CSV text; None for a machine without controls, without two
@@ -65,14 +66,13 @@ def next_experiment(
     segments = cut(made, 1e9, 0.0)
     states = np.repeat(start[None, None], segments.size, axis=1)
     both = [Candidate(fit.effects, fit.values) for fit in rivals[:2]]
-    predicted, _ = engine.predict(segments, np.repeat(states, 2, axis=0), both)
-    apart = np.nan_to_num((((predicted[0] - predicted[1]) / noise.scale) ** 2).sum(axis=(1, 2)), posinf=0.0)
-    best = int(np.argmax(apart))
-    if apart[best] < _LEAST:
+    states = np.repeat(states, 2, axis=0)
+    best = int(np.argmax(_apart(cheap or engine, segments, states, both, noise)))
+    gain = float(_apart(engine, segments.pick(np.array([best])), states[:, [best]], both, noise)[0])
+    if gain < _LEAST:
         return None
     names = [sorted({name for name, _ in fit.keys}) or ["no effect"] for fit in rivals[:2]]
     words = [" + ".join(n) for n in names]
-    gain = float(apart[best])
     entry = {
         "separates": words,
         "why": (
@@ -83,6 +83,12 @@ def next_experiment(
         "predicted_gain": gain,
     }
     return entry, _csv(engine, time, trials[best])
+
+
+def _apart(engine: Engine, segments: Segments, starts: Array, both: list[Candidate], noise: NoiseModel) -> Array:
+    """By how much chi2 two models differ in each trial, ``(S,)``; 0 where a simulation fails."""
+    one, other = engine.predict(segments, starts, both)[0]
+    return np.asarray(np.nan_to_num((((one - other) / noise.scale) ** 2).sum(axis=(1, 2)), posinf=0.0))
 
 
 def _limits(engine: Engine, runs: tuple[Run, ...]) -> tuple[Array, Array]:

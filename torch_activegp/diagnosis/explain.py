@@ -34,7 +34,9 @@ _TOO_FAR = 400.0
 """The same for the names in the end."""
 _GROWTH = 6.0
 _SETTLED = 0.5
-_ENOUGH = 1500.0
+_RIVAL = 20.0
+_ENOUGH = 600.0
+"""Chi2 above the noise by which the first names are found, on a part of the data where there is twice as much."""
 
 
 @dataclasses.dataclass(frozen=True)
@@ -127,7 +129,7 @@ def _start(
         part, which = shooting.subset(max(_ENOUGH / excess, 0.2))
         here = nominal.pick(which)
         rough = part.fit([((), ())], here.starts, design=here.design)[0]
-        chosen = select(part, effects, rough, tell=tell, swaps=0)  # they come with all data
+        chosen = select(part, effects, rough, tell=tell, swaps=0)  # swaps come with all data
         sets, free = _leaders(chosen), chosen.score.free
         if _far(nominal, segments, _FAR / 4).any():
             segments, nominal = _longest(machine, numerics, noise, _TOO_FAR)
@@ -156,14 +158,17 @@ def _finish(
 
 
 def _polish(shooting: Shooting, selection: Selection) -> None:
-    """The best set once more with all derivatives taken there."""
-    best = selection.best
+    """The best set once more with all derivatives taken there, and its close rivals from the states that it found."""
+    best = first = selection.best
     for _ in range(2 if best.effects else 0):
         again = chained(shooting, shooting.fit([(best.effects, best.values)], best.starts)[0])
-        if not again.chi2 < best.chi2 - _SETTLED:
+        if not again.chi2 < best.chi2 - _SETTLED or not again.plausible:
             break
         selection.fits = [again if fit is best else fit for fit in selection.fits]
         best = again
+    near = [fit for fit in selection.ranked()[1:4] if selection.score(fit) < selection.score(first) + _RIVAL]
+    if best is not first and near:
+        selection.fits += shooting.fit([(fit.effects, fit.values) for fit in near], best.starts, design=best.design)
 
 
 def _leaders(selection: Selection) -> Sets:

@@ -52,9 +52,10 @@ def give_up(problems: Sequence[Problem]) -> None:
             problem.finished = True
 
 
-def _total(per_segment: Array) -> float:
-    total = float(per_segment.sum())
-    return total if total < _FAILED else np.inf
+def total(per_segment: Array) -> float:
+    """The chi2 of all segments, infinite where a simulation failed."""
+    chi2 = float(per_segment.sum())
+    return chi2 if chi2 < _FAILED else np.inf
 
 
 class Problem:
@@ -139,7 +140,7 @@ class Problem:
         """Takes the whitened residuals of what was asked for and makes the next trial."""
         residual = white[0]
         per_segment = np.nan_to_num((residual**2).sum(-1), nan=_FAILED, posinf=_FAILED)
-        chi2 = _total(per_segment)
+        chi2 = total(per_segment)
         if self._best is not None and len(white) == 1 and self._still:
             self._each_for_itself(residual, per_segment, last)
         elif self._best is not None and len(white) == 1 and self._columns is not None and not chi2 < self.chi2:
@@ -167,7 +168,7 @@ class Problem:
 
     def _better(self, residual: Array, per_segment: Array, fresh: bool, last: bool) -> None:
         """Takes a step that helped, or the point where the derivatives were taken."""
-        old, chi2 = self.chi2, _total(per_segment)
+        old, chi2 = self.chi2, total(per_segment)
         if chi2 <= old:
             self._best = {"chi2": chi2, "flat": self._trial, "starts": self._trial_starts, "per_segment": per_segment}
             self._residual = np.nan_to_num(residual)
@@ -195,7 +196,7 @@ class Problem:
         level = np.where(better, per_segment, old)
         self._residual = np.where(better[:, None], np.nan_to_num(residual), self._residual)
         fell = float((old - level).sum())
-        self._best = {"chi2": _total(level), "flat": self._trial, "starts": starts, "per_segment": level}
+        self._best = {"chi2": total(level), "flat": self._trial, "starts": starts, "per_segment": level}
         self._linear = eliminate(self._design, self._columns, self._residual)
         self._brake = np.where(better, np.minimum(2.0 * self._brake, 1.0), 0.3 * self._brake)
         self._age += 1

@@ -125,9 +125,9 @@ def judge(shooting: Shooting, selection: Selection) -> Judgement:
     probabilities = tuple(_probability(rivals, effect) for effect in order)
     ties = tuple(_ties(rivals, best, effect) for effect in order)
     p_value = min(before.p_value, float(stats.chi2.sf(gain / score.scale, best.size)) * score.names)
-    crowded = score.names_in(best.effects) >= MAX_EFFECTS and unexplained > CROWDED
+    crowded = len(order) >= MAX_EFFECTS and unexplained > CROWDED
     if after.p_value < DOUBT and (unexplained > INADEQUATE or crowded):
-        verdict = "unknown" if _visible(shooting, before) else "none"
+        verdict = "unknown" if crowded or _visible(shooting, before) else "none"
     else:
         verdict = "tie" if any(ties) else "named"
     return Judgement(

@@ -98,20 +98,17 @@ Somewhere = Mapping[str, tuple[str, float, float]]
 """For a joint, the variable and the interval in which alone what was named there acts."""
 
 
-def somewhere(model: mujoco.MjModel, named: Sequence[tuple[Effect, Array]]) -> Somewhere:
+def somewhere(named: Sequence[tuple[Effect, Array]]) -> Somewhere:
     """Where named effects act that do so only somewhere; the first one of each joint.
 
     Args:
-        model: nominal model.
         named: effects with their parameters.
     """
     found: dict[str, tuple[str, float, float]] = {}
     for effect, values in named:
-        acts, (kind, _, name) = effect.acts(values), effect.target.partition(":")
-        index = mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_ACTUATOR, name)
-        joint = actuated_joint(model, index) if kind == "actuator" else name
-        if acts is not None and joint is not None:
-            found.setdefault(joint, (f"{acts[0]}.{name}", *acts[1:]))
+        acts, (kind, _, joint) = effect.acts(values), effect.target.partition(":")
+        if acts is not None and kind == "joint":
+            found.setdefault(joint, (f"{acts[0]}.{joint}", *acts[1:]))
     return found
 
 
@@ -137,12 +134,13 @@ def entries(
         chosen = max(local, key=lambda r: r.gain) if local else best
         interval = chosen.interval or (float(chosen.edges[0]), float(chosen.edges[-1]))
         share = float(np.clip((best.gain - len(best.force)) / max(mismatch, 1e-300), 0.0, 1.0))
-        over = chosen.over
+        over, q_value = chosen.over, chosen.adjusted
         if joint in known and (seen := [r for r in regions if (r.joint, r.over) == (joint, known[joint][0])]):
-            over, low, high = known[joint]
-            interval = max(low, float(seen[0].edges[0])), min(high, float(seen[0].edges[-1]))
+            low, high = max(known[joint][1], float(seen[0].edges[0])), min(known[joint][2], float(seen[0].edges[-1]))
+            if low < high:
+                over, interval, q_value = known[joint][0], (low, high), seen[0].adjusted
         region = {over: list(interval)}
-        out.append({"target": f"joint:{joint}", "share": share, "region": region, "q_value": chosen.adjusted})
+        out.append({"target": f"joint:{joint}", "share": share, "region": region, "q_value": q_value})
     return sorted(out, key=lambda entry: -float(entry["share"]))
 
 

@@ -169,6 +169,8 @@ class Numerics:
         """
         precise = dataclasses.replace(first, engine=engine, cheap=self.coarse)
         exact = _settled(precise, engine, rough)[1] if self.stiff else None
+        if exact is not None and not np.isfinite(exact.chi2):
+            return precise, exact
         working, judged = precise, rough
         for cheap in dict.fromkeys((self.coarse, self.middle, engine)):
             working, judged = _settled(dataclasses.replace(precise, engine=cheap), engine, judged)

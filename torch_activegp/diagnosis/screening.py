@@ -7,7 +7,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from torch_activegp.diagnosis.elimination import eliminate
+from torch_activegp.diagnosis.elimination import eliminate, invert
 from torch_activegp.diagnosis.engine import Candidate
 from torch_activegp.diagnosis.fit import Fit
 from torch_activegp.diagnosis.linearize import Linearization, linearize
@@ -66,6 +66,15 @@ class Screen:
     def joint_gain(self, atoms: Sequence[Atom]) -> float:
         """What several atoms gain together."""
         return self.together(atoms)[0]
+
+    def losses(self, atoms: Sequence[Atom]) -> list[float]:
+        """What the others lose without each of several atoms (Wald statistics)."""
+        index = np.concatenate([np.arange(a.columns.start, a.columns.stop) for a in atoms])
+        inverse = invert(self.normal[np.ix_(index, index)])
+        amplitude = inverse @ self.gradient[index]
+        ends = np.cumsum([a.columns.stop - a.columns.start for a in atoms])
+        parts = [slice(end - (a.columns.stop - a.columns.start), end) for a, end in zip(atoms, ends, strict=True)]
+        return [float(amplitude[p] @ np.linalg.pinv(inverse[p, p]) @ amplitude[p]) for p in parts]
 
     def together(self, atoms: Sequence[Atom]) -> tuple[float, list[Array]]:
         """What several atoms gain together, and the parameters with which they do."""

@@ -210,8 +210,9 @@ def _proposals(selection: Selection, fit: Fit, screened: Screen) -> list[Set]:
     together = companies(best[:_COMPANY], lenient, most, _MORE)
     chosen += [with_values(company, screened.together(company)[1]) for company in together]
     if not fit.effects:
-        alone = max((lenient((a,)) for a in singles), default=0.0)
-        hidden = beside(screened, selection.score.a_parameter, alone, max([alone, *map(lenient, together)]))
+        gains = [screened.joint_gain(company) for company in together]
+        alone = max((a.gain for a in singles), default=0.0)
+        hidden = beside(screened, selection.score.a_parameter, alone, max([alone, *gains]))
         if hidden:
             free = frozenset(atom.effect.key for atom in screened.atoms if atom.effect.tunable)
             selection.score = dataclasses.replace(selection.score, free=free)
@@ -293,7 +294,7 @@ def _without_each(selection: Selection, shooting: Shooting) -> list[tuple[Effect
     unknown = [rest for rest in rests.values() if frozenset(rest) not in known]
     if unknown:
         sets = [(rest, [values[e] for e in rest]) for rest in unknown]
-        for fit in shooting.fit(sets, best.starts, design=best.design):
-            selection.fits.append(fit)
-            known[frozenset(fit.effects)] = fit
-    return [(effect, known[frozenset(rest)]) for effect, rest in rests.items()]
+        found = [fit for fit in shooting.fit(sets, best.starts, design=best.design) if np.isfinite(fit.chi2)]
+        selection.fits += found
+        known |= {frozenset(fit.effects): fit for fit in found}
+    return [(effect, known[key]) for effect, rest in rests.items() if (key := frozenset(rest)) in known]

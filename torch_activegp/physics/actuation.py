@@ -139,10 +139,6 @@ class ActuatorDeadZone(ActuatorEffect):
         control[..., self.index] = np.sign(u) * np.maximum(np.abs(u) - width, 0.0)
         return control
 
-    def acts(self, values: Array) -> tuple[str, float, float]:
-        """Within the dead band the command does nothing at all."""
-        return "ctrl", -float(values[0]), float(values[0])
-
 
 class ActuatorSaturation(ActuatorEffect):
     """clip(u, -limit, limit): the drive gives no more than its limit."""

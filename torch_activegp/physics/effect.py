@@ -132,7 +132,7 @@ class Effect:
         """Where alone the effect shows, for one that does so only somewhere.
 
         Returns:
-            ``qpos``, ``qvel`` or ``ctrl``, of the target, from and to; None for an effect that acts everywhere.
+            ``qpos`` or ``qvel``, of the target, from and to; None for an effect that acts everywhere.
         """
         return None
 

@@ -16,6 +16,7 @@ SHARP = 2.0
 """Time constant of MuJoCo's friction constraint in time steps: its default of 20 ms lets a stuck joint creep."""
 IMPEDANCE = (0.99, 0.999)
 _BRISTLES = 0.5
+_LITTLE = 0.1
 _STEEPEST = 10.0
 """Static friction beyond what slides, over what slides, at most; machines show 0.1 to 2."""
 
@@ -156,8 +157,10 @@ class StribeckFriction(JointEffect):
         """Whether there is friction at speed too: nothing sticks many times harder than it slides."""
         return bool(values[1] <= _STEEPEST * (self.nominal_loss + values[0]))
 
-    def acts(self, values: Array) -> tuple[str, float, float]:
-        """Where the static excess has not fallen to a tenth."""
+    def acts(self, values: Array) -> tuple[str, float, float] | None:
+        """Where the static excess has not fallen to a tenth, where little else is missing."""
+        if values[0] > _LITTLE * values[1]:
+            return None
         width = float(values[2]) * np.sqrt(np.log(10.0))
         return "qvel", -width, width
 
