@@ -29,6 +29,7 @@ _SETTLED = 0.01
 _SAME = 0.02
 _POSES = 300
 _TOUCHING = 0.01
+"""Contact in fewer poses is an accident of noise or of shapes drawn too large."""
 _LIKE_A_TIME_STEP = frozenset({"actuator_delay", "actuator_lag", "sensor_delay"})
 
 
@@ -43,9 +44,11 @@ def _stiff(machine: Machine) -> bool:
     data = mujoco.MjData(model)
     seen = touching = 0
     for run in (*machine.fit, *machine.holdout):
-        for position in run.smooth[:: max(len(run) // _POSES, 1)]:
+        for row in range(0, len(run), max(len(run) // _POSES, 1)):
             data.qpos[:] = model.qpos0
-            data.qpos[channels.qpos] = position
+            data.qpos[channels.qpos] = run.smooth[row]
+            if channels.prescribed is not None and run.prescribed is not None:
+                data.qpos[channels.prescribed.qpos] = run.prescribed.smooth[row]
             mujoco.mj_fwdPosition(model, data)
             seen += 1
             touching += bool(data.ncon or data.nl)
@@ -85,7 +88,7 @@ class Numerics:
         fine: Runge-Kutta of fourth order; the same object where the model has it already.
         coarse: the model's own integrator, few steps.
         middle: Runge-Kutta with few steps, where coarse is not close enough; dry friction wants more of them.
-        stiff: whether anything touches in the recorded poses.
+        stiff: whether something touches in more than 1 % of the recorded poses, or constraints tie bodies together.
     """
 
     given: Engine
