@@ -75,3 +75,27 @@ def test_shares_go_by_what_each_adds_and_next_to_nothing_is_not_named(bench, mon
     judged = judge(bench.shooting, selection(bench, both))
     assert [effect.name for effect in judged.named] == ["viscous_friction", "constant_force"]
     assert judged.shares[0] > 0.95 > 0.05 > judged.shares[1] >= 0.0
+
+
+def test_as_many_names_as_are_tried_must_explain_nearly_all(bench, monkeypatch) -> None:
+    effect = bench.effect("viscous_friction")
+    half = bench.shooting.fit([((effect,), (np.array([0.045]),))], bench.nominal.starts, hold=True)[0]
+    judged = judge(bench.shooting, selection(bench, half))
+    assert judged.verdict == "named"
+    assert 0.04 < judged.unexplained < 0.15
+    monkeypatch.setattr("torch_activegp.diagnosis.judge.MAX_EFFECTS", 1)
+    assert judge(bench.shooting, selection(bench, half)).verdict == "unknown"
+
+
+def test_much_of_the_rest_is_named_however_little_of_the_whole(bench) -> None:
+    effects = (bench.effect("constant_force"), bench.effect("viscous_friction"))
+    both = bench.shooting.fit([(effects, (np.array([0.0]), np.array([0.05])))], bench.nominal.starts)[0]
+    nominal = dataclasses.replace(bench.nominal, chi2=1e9)
+    one = dataclasses.replace(bench.fit("viscous_friction", 0.05), chi2=2.0 * both.chi2)
+    other = dataclasses.replace(bench.fit("constant_force", 0.01), chi2=3.0 * both.chi2)
+    names = {}
+    for scale in (1.0, 5.0):
+        score = Score(bench.shooting.samples, 20, scale, 1e9 if scale > 1 else 1e3)
+        chosen = Selection(nominal, [nominal, both, one, other], score)
+        names[scale] = [effect.name for effect in judge(bench.shooting, chosen).named]
+    assert names == {1.0: ["viscous_friction"], 5.0: ["viscous_friction", "constant_force"]}
