@@ -1,5 +1,6 @@
 from __future__ import annotations
 
+import dataclasses
 from types import SimpleNamespace
 
 import numpy as np
@@ -11,6 +12,7 @@ from torch_activegp.diagnosis.proposals import (
     diverse,
     join,
     richer,
+    simpler,
     without_weak,
 )
 from torch_activegp.diagnosis.screening import screen
@@ -53,6 +55,26 @@ def test_together_equals_the_gain_of_the_pair(bench) -> None:
     gain, values = screened.together([first, second])
     assert gain == screened.joint_gain([first, second]) >= max(first.gain, second.gain) - 1e-6
     assert [v.shape for v in values] == [first.values.shape, second.values.shape]
+
+
+def test_a_simpler_law_that_got_stuck_elsewhere_is_tried_from_here(bench) -> None:
+    wet, spring = bench.effect("viscous_friction"), bench.effect("linear_spring")
+    rich = next(e for e in bench.effects if e.name == "asymmetric_friction" and "viscous_friction" in e.covers)
+    values = (np.array([0.07, 0.05]), np.array([0.1, 0.0]))
+    fit = dataclasses.replace(bench.nominal, effects=(rich, spring), values=values, chi2=1000.0)
+    names = {tuple(e.name for e in effects): v for effects, v in simpler(fit, bench.effects, {}, 1040.0)}
+    assert set(names) == {
+        ("linear_spring",),
+        ("asymmetric_friction",),
+        ("linear_spring", "viscous_friction"),
+        ("linear_spring", "viscous_friction", "constant_force"),
+    }
+    np.testing.assert_allclose(names["linear_spring", "viscous_friction"][1], 0.06)
+    plain = frozenset({spring, wet})
+    for chi2, again in ((1030.0, False), (5000.0, True)):
+        sets = simpler(fit, bench.effects, {plain: chi2, frozenset({spring}): chi2}, 1040.0)
+        assert (plain in {frozenset(effects) for effects, _ in sets}) == again
+        assert frozenset({spring}) not in {frozenset(effects) for effects, _ in sets}
 
 
 def test_weak_effects_leave_together(bench) -> None:

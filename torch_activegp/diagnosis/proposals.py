@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 
 import numpy as np
 
@@ -129,6 +129,41 @@ def richer(fit: Fit, effects: Sequence[Effect]) -> list[Set]:
                     value[1] = _START * abs(value[0])
                 out.append(((*(e for e, _ in others), effect), (*(v for _, v in others), value)))
     return out
+
+
+def simpler(best: Fit, effects: Sequence[Effect], known: Mapping[frozenset[Effect], float], close: float) -> list[Set]:
+    """A set without each of its effects, and with a simpler law in place of one that contains it.
+
+    Args:
+        best: the set.
+        effects: what is tried.
+        known: chi2 of the sets that were fitted; they are left out.
+        close: but a simpler law whose fit is worse than this may have got stuck elsewhere, and is tried from here.
+    """
+    out: list[Set] = []
+    pairs = list(zip(best.effects, best.values, strict=True))
+    for effect, value in pairs:
+        others = [(e, v) for e, v in pairs if e is not effect]
+        if others and frozenset(e for e, _ in others) not in known:
+            out.append(_set(others))
+        for law in effects:
+            if law.target == effect.target and law.name in effect.covers and law.linear == 1:
+                plain = [*others, (law, np.array([value[: effect.linear].mean()]))]
+                trials = [plain, *([*plain, more] for more in _offset(best, effect, value, effects))]
+                out += [_set(t) for t in trials if known.get(frozenset(e for e, _ in t), np.inf) > close]
+    return out
+
+
+def _set(pairs: Sequence[tuple[Effect, Array]]) -> Set:
+    return tuple(e for e, _ in pairs), tuple(v for _, v in pairs)
+
+
+def _offset(best: Fit, effect: Effect, value: Array, effects: Sequence[Effect]) -> list[tuple[Effect, Array]]:
+    """What an asymmetric friction has beyond a symmetric one: a constant force."""
+    key = ("constant_force", effect.target)
+    if effect.name != "asymmetric_friction" or key in best.keys:
+        return []
+    return [(e, np.array([-0.5 * float(value[0] - value[1])])) for e in effects if e.key == key]
 
 
 def without_weak(fit: Fit, price: Callable[[Effect], float]) -> Set | None:

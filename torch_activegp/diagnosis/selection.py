@@ -17,6 +17,7 @@ from torch_activegp.diagnosis.proposals import (
     diverse,
     join,
     richer,
+    simpler,
     with_values,
     without_weak,
 )
@@ -223,36 +224,20 @@ def _proposals(selection: Selection, fit: Fit, screened: Screen) -> list[Set]:
 def _simplify(selection: Selection, shooting: Shooting, effects: Sequence[Effect]) -> None:
     """Tries the best set without each of its effects, and with a simpler law in place of one that contains it."""
     best = selection.best
-    known = {frozenset(f.effects) for f in selection.fits}
-    trials = []
-    for k, (effect, value) in enumerate(zip(best.effects, best.values, strict=True)):
-        others = [(e, v) for i, (e, v) in enumerate(zip(best.effects, best.values, strict=True)) if i != k]
-        if others:
-            trials.append(others)
-        for simpler in effects:
-            if simpler.target == effect.target and simpler.name in effect.covers and simpler.linear == 1:
-                trials.append([*others, (simpler, np.array([value[: effect.linear].mean()]))])
-                trials += [[*trials[-1], more] for more in _offset(best, effect, value, effects)]
-    sets = [(tuple(e for e, _ in t), tuple(v for _, v in t)) for t in trials]
+    known: dict[frozenset[Effect], float] = {}
+    for fit in selection.fits:
+        known[frozenset(fit.effects)] = min(fit.chi2, known.get(frozenset(fit.effects), np.inf))
+    sets = simpler(best, effects, known, best.chi2 + _CLOSE * selection.score.scale)
     fewer = without_weak(best, lambda effect: selection.score.scale * selection.score.price([effect]))
-    sets = [s for s in [*sets, *([fewer] if fewer else [])] if frozenset(s[0]) not in known]
+    sets += [fewer] if fewer and frozenset(fewer[0]) not in known else []
     if sets:
-        selection.fits += [
-            f for f in shooting.fit(sets, best.starts, rounds=4, design=best.design) if np.isfinite(f.chi2)
-        ]
+        fits = shooting.fit(sets, best.starts, rounds=4, design=best.design)
+        selection.fits += [f for f in fits if np.isfinite(f.chi2)]
 
 
 def _same_or_more(effect: Effect, than: Effect) -> bool:
     """Whether an effect is another one or contains it: it was tried on top already."""
     return effect is than or (effect.target == than.target and than.name in effect.covers)
-
-
-def _offset(best: Fit, effect: Effect, value: Array, effects: Sequence[Effect]) -> list[tuple[Effect, Array]]:
-    """What an asymmetric friction has beyond a symmetric one: a constant force."""
-    key = ("constant_force", effect.target)
-    if effect.name != "asymmetric_friction" or key in best.keys:
-        return []
-    return [(e, np.array([-0.5 * float(value[0] - value[1])])) for e in effects if e.key == key]
 
 
 def _swap(selection: Selection, shooting: Shooting, effects: Sequence[Effect]) -> None:
