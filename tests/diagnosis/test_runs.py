@@ -95,6 +95,13 @@ def test_a_recording_that_is_too_short_is_refused(two) -> None:
         make_run(short, two, Channels.of(two, [short]))
 
 
+def test_a_clock_that_counts_something_else_is_refused(two) -> None:
+    time = np.arange(40) * 10.0
+    slow = Recording.from_columns("slow", {"time": time, "qpos.lift": np.sin(time)})
+    with pytest.raises(DataError, match=r"slow, column `time`: seconds wanted, found a row every 10.*unit = \"ms\""):
+        make_run(slow, two, Channels.of(two, [slow]))
+
+
 def test_smoothing_frees_positions_and_velocities_of_noise(bench) -> None:
     run = bench.machine.fit[0]
     assert run.noise[0] == pytest.approx(bench.noise, rel=0.2)

@@ -23,6 +23,8 @@ _MISSING = 1.5
 _FAITHFUL = 5
 """Degree of the polynomials along which prescribed motion is freed of noise."""
 MIN_ROWS = 12
+_SLOWEST = 1.0
+"""Longest time between rows, s."""
 
 
 @dataclasses.dataclass(frozen=True)
@@ -144,6 +146,13 @@ def make_run(recording: Recording, model: mujoco.MjModel, channels: Channels) ->
 def _laid(recording: Recording, model: mujoco.MjModel, channels: Channels, smooth: Smoother) -> Run:
     if len(recording) < MIN_ROWS:
         raise DataError(f"{recording.label}: too short, {len(recording)} rows found, {MIN_ROWS} wanted. Record longer.")
+    step = float(np.median(np.diff(recording.time.numpy())))
+    if step > _SLOWEST:
+        raise DataError(
+            f"{recording.label}, column `time`: seconds wanted, found a row every {step:.4g}; no motion of a machine "
+            "is followed like that. If the clock counts ms, say so in a column map (--columns MAP.toml, "
+            '`time = { unit = "ms" }`); else record faster.'
+        )
     columns = [f"qpos.{joint}" for joint in channels.joints]
     turning = [joint for joint, hinge in zip(channels.joints, channels.hinge, strict=True) if hinge]
     recording = unwrap_angles(recording, turning) if turning else recording
