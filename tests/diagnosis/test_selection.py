@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from torch_activegp.diagnosis.score import Score
-from torch_activegp.diagnosis.selection import Selection, select
+from torch_activegp.diagnosis.selection import Selection, fitted, select
 
 NAMES = ("viscous_friction", "coulomb_friction", "quadratic_drag", "constant_force", "armature_error")
 
@@ -53,3 +53,16 @@ def test_what_no_machine_can_have_is_not_chosen(bench) -> None:
     assert odd not in found.ranked()
     fair = dataclasses.replace(odd, values=(np.array([0.1, 0.3, 0.2]),))
     assert fair.plausible
+
+
+def test_a_part_that_was_given_up_is_fitted_from_the_nominal(bench) -> None:
+    """Else what gains much alone would look as if it gained nothing, and pass for an undone tuning."""
+    wet = bench.effect("viscous_friction")
+    fit = bench.fit("viscous_friction", 0.05)
+    both = dataclasses.replace(fit, effects=(wet, bench.effect("cubic_spring")), values=(*fit.values, np.array([0.1])))
+    given_up = dataclasses.replace(fit, chi2=3.0 * bench.nominal.chi2)
+    found = Selection(bench.nominal, [bench.nominal, both, given_up], Score(bench.shooting.samples, 20, 1.0))
+    again = fitted(bench.shooting, found, [wet])
+    assert again.chi2 == pytest.approx(fit.chi2, rel=1e-3)
+    found.fits[-1] = fit
+    assert fitted(bench.shooting, found, [wet]) is fit

@@ -150,14 +150,22 @@ def _only_undoes(selection: Selection, shooting: Shooting) -> bool:
 
 
 def fitted(shooting: Shooting, selection: Selection, effects: Sequence[Effect]) -> Fit:
-    """The fit of a part of the best set, which may have been compared already."""
+    """The fit of a part of the best set, which may have been compared already.
+
+    A set contains the nominal. One that fits worse was given up in a race, or got stuck, and is fitted from there.
+    """
+    best, nominal = selection.best, selection.nominal
     known = [fit for fit in selection.fits if frozenset(fit.effects) == frozenset(effects)]
-    if known:
-        return min(known, key=lambda fit: fit.chi2)
-    best = selection.best
     values = dict(zip(best.effects, best.values, strict=True))
-    start = (tuple(effects), tuple(values[effect] for effect in effects))
-    return shooting.fit([start], best.starts, design=best.design)[0]
+    if known:
+        fit = min(known, key=lambda fit: fit.chi2)
+    else:
+        start = (tuple(effects), tuple(values[effect] for effect in effects))
+        fit = shooting.fit([start], best.starts, design=best.design)[0]
+    if fit.chi2 > nominal.chi2 and all(effect.tunable for effect in effects):
+        absent = (tuple(effects), tuple(np.zeros(len(effect.parameters)) for effect in effects))
+        fit = min(fit, *shooting.fit([absent], nominal.starts, design=nominal.design), key=lambda fit: fit.chi2)
+    return fit
 
 
 def _expand(selection: Selection, shooting: Shooting, effects: Sequence[Effect], fit: Fit) -> None:
