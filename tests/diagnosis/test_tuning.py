@@ -68,6 +68,8 @@ def test_a_tuning_gains_less_alone_than_beside_what_it_hides(bench) -> None:
     nominal, best = fit(1000.0), fit(0.0)
     assert only_undoes(nominal, fit(950.0), fit(300.0), best)
     assert not only_undoes(nominal, fit(900.0), fit(300.0), best)
+    assert only_undoes(nominal, fit(810.0), fit(1000.0), best)
+    assert not only_undoes(nominal, fit(790.0), fit(5000.0), best)
     assert only_undoes(nominal, fit(900.0, count=2), fit(300.0), best)
     assert not only_undoes(nominal, fit(850.0, count=2), fit(300.0), best)
     assert not only_undoes(nominal, fit(100.0), fit(300.0), best)

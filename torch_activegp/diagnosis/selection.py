@@ -162,10 +162,16 @@ def fitted(shooting: Shooting, selection: Selection, effects: Sequence[Effect]) 
     else:
         start = (tuple(effects), tuple(values[effect] for effect in effects))
         fit = shooting.fit([start], best.starts, design=best.design)[0]
-    if fit.chi2 > nominal.chi2 and all(effect.tunable for effect in effects):
-        absent = (tuple(effects), tuple(np.zeros(len(effect.parameters)) for effect in effects))
+    if fit.chi2 > nominal.chi2 and all(effect.linear or effect.tunable for effect in effects):
+        absent = (tuple(effects), tuple(_absent(effect, values[effect]) for effect in effects))
         fit = min(fit, *shooting.fit([absent], nominal.starts, design=nominal.design), key=lambda fit: fit.chi2)
     return fit
+
+
+def _absent(effect: Effect, values: Array) -> Array:
+    """Parameters with which an effect does nothing: no amplitude, the same shape."""
+    amplitudes = effect.linear or len(values)
+    return np.where(np.arange(len(values)) < amplitudes, 0.0, values)
 
 
 def _expand(selection: Selection, shooting: Shooting, effects: Sequence[Effect], fit: Fit) -> None:

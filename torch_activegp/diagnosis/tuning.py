@@ -85,8 +85,8 @@ def only_undoes(nominal: Fit, alone: Fit, without: Fit, best: Fit) -> bool:
     Args:
         nominal: the fit without effects.
         alone: with the tunable effects alone.
-        without: with the others alone.
+        without: with the others alone; no worse than the nominal, whatever its fit says.
         best: with all of them.
     """
     share = _HIDDEN[min(len(alone.effects), len(_HIDDEN)) - 1]
-    return nominal.chi2 - alone.chi2 < share * (without.chi2 - best.chi2)
+    return nominal.chi2 - alone.chi2 < share * (min(without.chi2, nominal.chi2) - best.chi2)
