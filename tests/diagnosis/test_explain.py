@@ -40,8 +40,7 @@ def test_nothing_is_found_where_nothing_is_missing(clean) -> None:
 
 
 def test_segments_that_cannot_be_shorter_end_the_search(bench, monkeypatch) -> None:
-    monkeypatch.setattr("torch_activegp.diagnosis.explain._far", lambda fit, segments, much: segments.dt[:, 0] > 0.0)
     monkeypatch.setattr("torch_activegp.diagnosis.explain._SHORTEST", 0.0)
-    segments, fit = _longest(bench.machine, Numerics.of(bench.machine, 1), bench.shooting.noise, 1.0)
+    segments, fit = _longest(bench.machine, Numerics.of(bench.machine, 1), bench.shooting.noise, -1.0)
     assert (segments.scored[:, 1] - segments.scored[:, 0]).max() < 24
     assert len(fit.per_segment) == segments.size

@@ -30,9 +30,8 @@ def chained(shooting: Shooting, fit: Fit) -> Fit:
         fit: of any set.
     """
     segments, before = shooting.segments, fit
-    samples = np.maximum(segments.counts.sum(axis=1) * segments.position.shape[-1], 1)
     for _ in range(_ROUNDS):
-        level = fit.per_segment / samples
+        level = fit.per_segment / segments.samples
         which = np.flatnonzero(level > _STANDS_OUT * max(float(np.median(level)), 1.0))
         if not len(which):
             break

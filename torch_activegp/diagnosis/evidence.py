@@ -21,7 +21,7 @@ def map_time(shooting: Shooting, before: Fit, after: Fit) -> list[dict[str, Any]
     """Chi2 per sample of every segment, before and after."""
     segments = shooting.segments
     centers = segments.centers()
-    samples = np.maximum(segments.counts.sum(axis=1) * segments.position.shape[-1], 1)
+    samples = segments.samples
     out = []
     for number, run in enumerate(segments.runs):
         own = np.flatnonzero(segments.run == number)

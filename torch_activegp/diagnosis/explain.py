@@ -6,7 +6,6 @@ import dataclasses
 from collections.abc import Callable, Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 
 from torch_activegp.diagnosis.blackbox_engine import GivenNumerics
 from torch_activegp.diagnosis.chaining import chained
@@ -131,7 +130,7 @@ def _start(
         rough = part.fit([((), ())], here.starts, design=here.design)[0]
         chosen = select(part, effects, rough, tell=tell, swaps=0)  # swaps come with all data
         sets, free = _leaders(chosen), chosen.score.free
-        if _far(nominal, segments, _FAR / 4).any():
+        if segments.far_off(nominal.per_segment, _FAR / 4).any():
             segments, nominal = _longest(machine, numerics, noise, _TOO_FAR)
         engine, shooting, nominal, judged = numerics.choose(segments, noise, nominal, nominal, sets)
     return _Start(engine, shooting, nominal, sets, judged.starts, free)
@@ -186,17 +185,12 @@ def _longest(machine: Machine, numerics: Numerics, noise: NoiseModel, too_far: f
         shooting = Shooting(numerics.coarse, segments, noise)
         best = shooting.fit([((), ())], shooting.engine.starts(segments), rounds=6)[0]
         best = chained(shooting, best)
-        bad = _far(best, segments, too_far) | (_growth(best, segments, noise) > _GROWTH)
+        bad = segments.far_off(best.per_segment, too_far) | (_growth(best, segments, noise) > _GROWTH)
         long = segments.dt[:, 0] * np.diff(segments.scored, axis=1)[:, 0] > 1.5 * _SHORTEST
         shorter = halve(segments, bad & long)
         if shorter.size == segments.size:
             return segments, best
         segments = shorter
-
-
-def _far(fit: Fit, segments: Segments, much: float) -> NDArray[np.bool_]:
-    samples = np.maximum(segments.counts.sum(axis=1) * segments.position.shape[-1], 1)
-    return np.asarray(fit.per_segment > much * samples)
 
 
 def _growth(fit: Fit, segments: Segments, noise: NoiseModel) -> Array:

@@ -68,13 +68,19 @@ class Segments:
         names = ("run", "first", "position", "counts", "dt", "scored")
         return dataclasses.replace(self, **{name: getattr(self, name)[which] for name in names})
 
-    def far_off(self, per_segment: Array) -> NDArray[np.bool_]:
-        """Where a fit says little about where the machine was, ``(S,)``: chi2 of a sample beyond 30.
+    @property
+    def samples(self) -> NDArray[np.int64]:
+        """Recorded positions that count in each segment, ``(S,)``, at least 1."""
+        return np.asarray(np.maximum(self.counts.sum(axis=1) * self.position.shape[-1], 1))
+
+    def far_off(self, per_segment: Array, much: float = _FAR_OFF) -> NDArray[np.bool_]:
+        """Where a fit says little about where the machine was, ``(S,)``.
 
         Args:
             per_segment: chi2 of the segments, ``(S,)``.
+            much: chi2 of a sample beyond which it is far off.
         """
-        return np.asarray(per_segment > _FAR_OFF * np.maximum(self.counts.sum(axis=1) * self.position.shape[-1], 1))
+        return np.asarray(per_segment > much * self.samples)
 
     def centers(self) -> Array:
         """The time at the middle of each segment, ``(S,)``, s."""

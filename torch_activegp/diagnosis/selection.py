@@ -61,6 +61,12 @@ class Selection:
         """The set with the best score that a machine can have."""
         return min((fit for fit in self.fits if fit.plausible), key=self.score)
 
+    def add(self, fits: Sequence[Fit]) -> list[Fit]:
+        """Takes further fits in, and returns those that did not fail."""
+        sound = [fit for fit in fits if np.isfinite(fit.chi2)]
+        self.fits += sound
+        return sound
+
     def ranked(self) -> list[Fit]:
         """Best first, one fit for each set of names and targets."""
         seen: dict[frozenset[tuple[str, str]], Fit] = {}
@@ -95,7 +101,7 @@ def select(
     selection = Selection(nominal, [nominal], Score(shooting.samples, names, 1.0, free=free))
     if sets:
         states = nominal.starts if starts is None else starts
-        selection.fits += [f for f in shooting.fit(sets, states, design=nominal.design) if np.isfinite(f.chi2)]
+        selection.add(shooting.fit(sets, states, design=nominal.design))
         _rescale(selection, shooting)
     expanded: set[frozenset[Effect]] = set()
     _search(selection, shooting, effects, expanded, tell, swaps)
@@ -183,8 +189,7 @@ def _expand(selection: Selection, shooting: Shooting, effects: Sequence[Effect],
     known = {frozenset(f.effects) for f in selection.fits}
     fresh = [p for p in proposed if frozenset(p[0]) not in known]
     if fresh:
-        fits = shooting.fit(fresh, fit.starts, race=True, design=fit.design)
-        selection.fits += [f for f in fits if np.isfinite(f.chi2)]
+        selection.add(shooting.fit(fresh, fit.starts, race=True, design=fit.design))
         _rescale(selection, shooting)
 
 
@@ -245,8 +250,7 @@ def _simplify(selection: Selection, shooting: Shooting, effects: Sequence[Effect
     fewer = without_weak(best, lambda effect: selection.score.scale * selection.score.price([effect]))
     sets += [fewer] if fewer and frozenset(fewer[0]) not in known else []
     if sets:
-        fits = shooting.fit(sets, best.starts, rounds=4, design=best.design)
-        selection.fits += [f for f in fits if np.isfinite(f.chi2)]
+        selection.add(shooting.fit(sets, best.starts, rounds=4, design=best.design))
 
 
 def _same_or_more(effect: Effect, than: Effect) -> bool:
@@ -278,8 +282,7 @@ def _swap(selection: Selection, shooting: Shooting, effects: Sequence[Effect]) -
         trials = part.fit(sets, here.starts, race=True, design=here.design)
         sets = [(f.effects, f.values) for f in trials if f.chi2 < here.chi2 + _CLOSE * selection.score.scale]
     if sets:
-        fits = shooting.fit(sets, best.starts, race=True, design=best.design)
-        selection.fits += [f for f in fits if np.isfinite(f.chi2)]
+        selection.add(shooting.fit(sets, best.starts, race=True, design=best.design))
     _rescale(selection, shooting)
 
 
@@ -293,7 +296,5 @@ def _without_each(selection: Selection, shooting: Shooting) -> list[tuple[Effect
     unknown = [rest for rest in rests.values() if frozenset(rest) not in known]
     if unknown:
         sets = [(rest, [values[e] for e in rest]) for rest in unknown]
-        found = [fit for fit in shooting.fit(sets, best.starts, design=best.design) if np.isfinite(fit.chi2)]
-        selection.fits += found
-        known |= {frozenset(fit.effects): fit for fit in found}
+        known |= {frozenset(f.effects): f for f in selection.add(shooting.fit(sets, best.starts, design=best.design))}
     return [(effect, known[key]) for effect, rest in rests.items() if (key := frozenset(rest)) in known]

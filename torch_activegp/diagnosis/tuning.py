@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from torch_activegp.diagnosis.fit import Fit
-from torch_activegp.diagnosis.proposals import Set, join, with_values
+from torch_activegp.diagnosis.proposals import Set, diverse, join, with_values
 from torch_activegp.diagnosis.screening import Atom, Screen
 
 _MOST = 4
@@ -34,14 +34,13 @@ def beside(screened: Screen, price: float, alone: float, together: float) -> lis
     tunable = [atom for atom in screened.best() if atom.effect.tunable]
     found = [(screened.joint_gain([a, *tunable]), a) for a in screened.atoms if not a.effect.tunable]
     chosen: list[tuple[float, list[Atom]]] = []
-    seen: dict[tuple[str, str], int] = {}
-    for _, atom in sorted(found, key=lambda item: -item[0]):
-        seen[atom.effect.key] = seen.get(atom.effect.key, 0) + 1
-        if seen[atom.effect.key] <= 2 and len(chosen) < _MOST:
-            some = [atom, *paying(screened, [atom], tunable, price)]
+    for atom in diverse([a for _, a in sorted(found, key=lambda item: -item[0])], len(found)):
+        some = [atom, *paying(screened, [atom], tunable, price)]
+        if len(some) > 1:
             gain, values = screened.together(some)
-            if len(some) > 1:
-                chosen.append((gain - price * sum(map(len, values[1:])), with_values(some, values)))
+            chosen.append((gain - price * sum(map(len, values[1:])), with_values(some, values)))
+        if len(chosen) == _MOST:
+            break
     worth = max((worth for worth, _ in chosen), default=0.0)
     if worth < max(alone + _MORE, _HELPED * alone, _NEARLY * together):
         return []
