@@ -77,6 +77,15 @@ def test_a_simpler_law_that_got_stuck_elsewhere_is_tried_from_here(bench) -> Non
         assert frozenset({spring}) not in {frozenset(effects) for effects, _ in sets}
 
 
+def test_another_form_of_a_name_is_tried_in_its_place(bench) -> None:
+    forms = {e.variant: e for e in bench.effects if e.key == ("coulomb_friction", "joint:hip")}
+    for one, other in (("", "soft"), ("soft", "")):
+        value = (np.array([0.02]),)
+        fit = dataclasses.replace(bench.nominal, effects=(forms[one],), values=value, chi2=1000.0)
+        assert simpler(fit, bench.effects, {}, 1040.0) == [((forms[other],), value)]
+        assert simpler(fit, bench.effects, {frozenset({forms[other]}): 2000.0}, 1040.0) == []
+
+
 def test_weak_effects_leave_together(bench) -> None:
     effects = tuple(bench.effect(name) for name in ("viscous_friction", "constant_force", "armature_error"))
     fit = bench.shooting.fit([(effects, tuple(np.array([0.01]) for _ in effects))], bench.nominal.starts)[0]

@@ -132,7 +132,7 @@ def richer(fit: Fit, effects: Sequence[Effect]) -> list[Set]:
 
 
 def simpler(best: Fit, effects: Sequence[Effect], known: Mapping[frozenset[Effect], float], close: float) -> list[Set]:
-    """A set without each of its effects, and with a simpler law in place of one that contains it.
+    """A set without each of its effects, with a simpler law in place of one that contains it, or another form of it.
 
     Args:
         best: the set.
@@ -146,6 +146,9 @@ def simpler(best: Fit, effects: Sequence[Effect], known: Mapping[frozenset[Effec
         others = [(e, v) for e, v in pairs if e is not effect]
         if others and frozenset(e for e, _ in others) not in known:
             out.append(_set(others))
+        forms = [e for e in effects if e.key == effect.key and e.stands_in != effect.stands_in]
+        swapped = [_set([*others, (form, value)]) for form in forms]
+        out += [s for s in swapped if frozenset(s[0]) not in known]
         for law in effects:
             if law.target == effect.target and law.name in effect.covers and law.linear == 1:
                 plain = [*others, (law, np.array([value[: effect.linear].mean()]))]

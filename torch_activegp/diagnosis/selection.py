@@ -212,7 +212,7 @@ def _rescale(selection: Selection, shooting: Shooting) -> None:
 def _allowed(effects: Sequence[Effect], fit: Fit) -> list[Effect]:
     taken = fit.keys
     covered = {(name, e.target) for e in fit.effects for name in e.covers}
-    return [e for e in effects if e.key not in taken and e.key not in covered]
+    return [e for e in effects if not e.stands_in and e.key not in taken and e.key not in covered]
 
 
 def _proposals(selection: Selection, fit: Fit, screened: Screen) -> list[Set]:
@@ -241,7 +241,7 @@ def _proposals(selection: Selection, fit: Fit, screened: Screen) -> list[Set]:
 
 
 def _simplify(selection: Selection, shooting: Shooting, effects: Sequence[Effect]) -> None:
-    """Tries the best set without each of its effects, and with a simpler law in place of one that contains it."""
+    """Tries the best set without each of its effects, and with simpler laws or other forms in their place."""
     best = selection.best
     known: dict[frozenset[Effect], float] = {}
     for fit in selection.fits:

@@ -22,6 +22,7 @@ from torch_activegp.physics.inertia import (
 from torch_activegp.physics.joint import JointEffect
 from torch_activegp.physics.play import MEMORY, Backlash
 from torch_activegp.physics.sensing import SENSING, SensorEffect
+from torch_activegp.physics.soft_friction import SoftCoulombFriction
 from torch_activegp.physics.springs import POSITION_FORCES
 
 JOINT_EFFECTS: tuple[type[Effect], ...] = (*FRICTION, *POSITION_FORCES, *MEMORY, ArmatureError)
@@ -53,6 +54,7 @@ def catalogue(
             take a place and a model or returns something else.
     """
     effects: list[Effect] = [kind.at(place, model) for place in joints for kind in JOINT_EFFECTS]
+    effects += [SoftCoulombFriction.at(place, model) for place in joints]
     effects += [Backlash.at(place, model) for place in joints if Backlash.fits(place, model)]
     effects += [kind.at(place, model) for place in actuators for kind in ACTUATION]
     effects += [kind.at(place, model) for place in sensors for kind in SENSING]

@@ -80,6 +80,8 @@ class Effect:
     """Names of effects on the same target that this one contains."""
     tunable: ClassVar[bool] = False
     """Whether a modeller would have tuned it on the machine's data, so that a nominal can hide others in it."""
+    stands_in: ClassVar[bool] = False
+    """Whether it is another form of a name, tried only in place of the form that a set holds already."""
     needs_steps: ClassVar[bool] = False
     """Whether :meth:`before_step` does something."""
 

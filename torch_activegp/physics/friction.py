@@ -113,18 +113,26 @@ class CoulombFriction(JointEffect):
         return -values[0] * np.sign(velocity)
 
     def edit(self, field: Callable[[str], Array], rows: Index, values: Array) -> bool:
-        """Adds to ``dof_frictionloss``."""
-        loss = field("dof_frictionloss")
-        loss[rows, self.dof] = np.maximum(loss[rows, self.dof] + values[:, 0], 0.0)
+        """Adds to ``dof_frictionloss``, and makes it stick firmly."""
+        self.add_loss(field, rows, values)
         sharpen(field, rows, self.dof)
         return False
 
     def write(self, spec: mujoco.MjSpec, values: Array) -> bool:
+        """Writes ``joint frictionloss``, and solver parameters with which it sticks firmly."""
+        self.write_loss(spec, values)
+        write_sharp(self.joint(spec), spec.option.timestep)
+        return True
+
+    def add_loss(self, field: Callable[[str], Array], rows: Index, values: Array) -> None:
+        """Adds to ``dof_frictionloss`` in some simulations."""
+        loss = field("dof_frictionloss")
+        loss[rows, self.dof] = np.maximum(loss[rows, self.dof] + values[:, 0], 0.0)
+
+    def write_loss(self, spec: mujoco.MjSpec, values: Array) -> None:
         """Writes ``joint frictionloss``."""
         joint = self.joint(spec)
         joint.frictionloss = max(joint.frictionloss + float(values[0]), 0.0)
-        write_sharp(joint, spec.option.timestep)
-        return True
 
 
 class StribeckFriction(JointEffect):
