@@ -5,9 +5,9 @@ import dataclasses
 import numpy as np
 import pytest
 
+from torch_activegp.diagnosis.compared import Selection
 from torch_activegp.diagnosis.judge import judge, omnibus
 from torch_activegp.diagnosis.score import Score
-from torch_activegp.diagnosis.selection import Selection
 
 
 def selection(bench, *fits, names: int = 20) -> Selection:

@@ -8,6 +8,7 @@ import mujoco
 import numpy as np
 import pytest
 
+from torch_activegp.diagnosis.compared import Selection
 from torch_activegp.diagnosis.engine import Engine
 from torch_activegp.diagnosis.judge import Judgement
 from torch_activegp.diagnosis.machine import make_machine
@@ -17,7 +18,6 @@ from torch_activegp.diagnosis.refit import Refits, refit
 from torch_activegp.diagnosis.result import Stability
 from torch_activegp.diagnosis.score import Score
 from torch_activegp.diagnosis.segments import cut
-from torch_activegp.diagnosis.selection import Selection
 from torch_activegp.diagnosis.shooting import Shooting
 from torch_activegp.diagnosis.stability import _parts, stability
 

@@ -105,8 +105,9 @@ def test_gain_bias_limit_and_dead_zone_are_their_formulas(bench: Any) -> None:
     np.testing.assert_allclose(once(at[ActuatorDeadZone], u, dt, 0.3), u - np.clip(u, -0.3, 0.3), atol=1e-15)
 
 
-def test_a_lag_is_an_exponential(bench: Any) -> None:
-    effect, dt = ActuatorLag.at(bench.drive, bench.model), np.tile([0.004, 0.008], 50)
+@pytest.mark.parametrize("clock", [[0.004, 0.008], [0.006, 0.006]], ids=["irregular", "regular"])
+def test_a_lag_is_an_exponential(bench: Any, clock: list[float]) -> None:
+    effect, dt = ActuatorLag.at(bench.drive, bench.model), np.tile(clock, 50)
     step = np.r_[0.0, np.ones(99)]
     edges = np.r_[0.0, np.cumsum(dt)] - dt[0]
     total = np.maximum(edges + 0.05 * np.expm1(-np.maximum(edges, 0.0) / 0.05), 0.0)  # integral of 1 - exp(-t / T)

@@ -15,6 +15,7 @@ from torch_activegp.physics.inertia import (
     CenterOfMassOffset,
     DensityError,
     GravityError,
+    PayloadAlong,
     PayloadMass,
 )
 
@@ -40,14 +41,16 @@ def effects(model: mujoco.MjModel) -> list[tuple[Any, list[float]]]:
         (payload(model, (0.1, 0.05, -0.08)), [0.3]),
         (payload(model), [-0.1]),
         (DensityError.at(FORE, model), [0.2]),
-        (CenterOfMassOffset.along(FORE, model, 0, 0.2), [0.05]),
-        (CenterOfMassOffset.along(FORE, model, 2, 0.2), [-0.03]),
+        (CenterOfMassOffset.along(FORE, 0.2, 0), [0.05]),
+        (CenterOfMassOffset.along(FORE, 0.2, 2), [-0.03]),
         (GravityError.along(0), [0.7]),
-        (GravityError.along(3), [0.7, 0.0, -0.5]),
+        (GravityError.along(0, 1, 2), [0.7, 0.0, -0.5]),
+        (PayloadAlong.at(FORE, model, (0.15, 0.0, 0.0)), [0.3, 0.08]),
+        (CenterOfMassOffset.along(FORE, 0.2, 0, 2), [0.05, -0.03]),
     ]
 
 
-@pytest.mark.parametrize("number", range(10))
+@pytest.mark.parametrize("number", range(12))
 def test_the_models_file_does_the_same(bench: Any, number: int) -> None:
     effect, values = effects(bench.model)[number]
     assert bench.gap(bench.hooks(effect, values), bench.written(effect, values)) < 2e-4
@@ -101,7 +104,7 @@ def test_a_balanced_body_can_lose_its_balance(joints: str) -> None:
     spec = mujoco.MjSpec.from_string(xml)
     spec.body("cart").simple = joints == "one"
     model = spec.compile()
-    effect = CenterOfMassOffset.along(Place("body:cart", 1), model, 0, 0.2)
+    effect = CenterOfMassOffset.along(Place("body:cart", 1), 0.2, 0)
     batch = mujoco.batch.Batch(model, 2, 1)
     effect.edit(batch.expand, np.array([1]), np.array([[0.1]]))
     batch.set_const(np.arange(2, dtype=np.int32))
@@ -129,6 +132,23 @@ def test_bounds_units_and_names(bench: Any) -> None:
     assert rotor.parameters[0].unit == "kg m2"
     slide = ArmatureError.at(dataclasses.replace(FORE, position_unit="m", index=0), bench.model)
     assert slide.parameters[0].unit == "kg"
-    vector = GravityError.along(3)
+    vector = GravityError.along(0, 1, 2)
     assert list(vector.describe(np.array([1.0, 2.0, 3.0]))) == ["change_x", "change_y", "change_z"]
-    assert {GravityError.along(axis).key for axis in range(4)} == {("gravity_error", "world")}
+    assert {GravityError.along(*axes).key for axes in ((0,), (1,), (2,), (0, 2))} == {("gravity_error", "world")}
+    assert [GravityError.along(*axes).stands_in for axes in ((0,), (0, 2))] == [False, True]
+
+
+def test_another_form_of_a_name_begins_where_the_first_one_stands(bench: Any) -> None:
+    center, end = payload(bench.model, (0.0, 0.0, 0.0)), payload(bench.model)
+    along = PayloadAlong.at(FORE, bench.model, (0.15, 0.0, 0.0))
+    np.testing.assert_allclose(along.taking_over(center, np.array([0.2])), [0.2, 0.075])
+    np.testing.assert_allclose(end.taking_over(along, np.array([0.2, 0.1])), [0.2])
+    one, two = CenterOfMassOffset.along(FORE, 0.2, 2), CenterOfMassOffset.along(FORE, 0.2, 0, 2)
+    np.testing.assert_allclose(two.taking_over(one, np.array([0.02])), [0.0, 0.02])
+
+
+def test_a_load_along_the_body_is_one_at_either_end_of_it(bench: Any) -> None:
+    along = PayloadAlong.at(FORE, bench.model, (0.15, 0.0, 0.0))
+    for offset in ((0.0, 0.0, 0.0), (0.15, 0.0, 0.0), (0.075, 0.0, 0.0)):
+        at = bench.hooks(payload(bench.model, offset), [0.3])
+        np.testing.assert_allclose(bench.hooks(along, [0.3, offset[0]]), at, atol=1e-12)

@@ -10,6 +10,7 @@ import numpy as np
 from torch_activegp.diagnosis.blackbox_engine import GivenNumerics
 from torch_activegp.diagnosis.chaining import chained
 from torch_activegp.diagnosis.checkpoint import Checkpoint
+from torch_activegp.diagnosis.compared import Selection
 from torch_activegp.diagnosis.engine import Engine
 from torch_activegp.diagnosis.fit import Fit
 from torch_activegp.diagnosis.machine import Machine
@@ -18,7 +19,7 @@ from torch_activegp.diagnosis.noise_model import NoiseModel
 from torch_activegp.diagnosis.numerics import Numerics, Sets
 from torch_activegp.diagnosis.runs import Array, median_step
 from torch_activegp.diagnosis.segments import Segments, cut, halve
-from torch_activegp.diagnosis.selection import Selection, select
+from torch_activegp.diagnosis.selection import select
 from torch_activegp.diagnosis.shooting import Shooting
 from torch_activegp.physics.effect import Effect
 

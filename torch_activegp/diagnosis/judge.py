@@ -8,10 +8,11 @@ from collections.abc import Sequence
 import numpy as np
 from scipy import stats
 
+from torch_activegp.diagnosis.compared import Selection, fitted
 from torch_activegp.diagnosis.elimination import eliminate
 from torch_activegp.diagnosis.fit import Fit
 from torch_activegp.diagnosis.reference import free_force_columns
-from torch_activegp.diagnosis.selection import MAX_EFFECTS, Selection, fitted
+from torch_activegp.diagnosis.selection import MAX_EFFECTS
 from torch_activegp.diagnosis.shooting import Shooting
 from torch_activegp.diagnosis.tuning import only_undoes
 from torch_activegp.physics.effect import Effect

@@ -147,7 +147,7 @@ def simpler(best: Fit, effects: Sequence[Effect], known: Mapping[frozenset[Effec
         if others and frozenset(e for e, _ in others) not in known:
             out.append(_set(others))
         forms = [e for e in effects if e.key == effect.key and e.stands_in != effect.stands_in]
-        swapped = [_set([*others, (form, value)]) for form in forms]
+        swapped = [_set([*others, (form, form.taking_over(effect, value))]) for form in forms]
         out += [s for s in swapped if frozenset(s[0]) not in known]
         for law in effects:
             if law.target == effect.target and law.name in effect.covers and law.linear == 1:

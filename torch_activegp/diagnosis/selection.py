@@ -8,7 +8,9 @@ from collections.abc import Callable, Sequence
 
 import numpy as np
 
+from torch_activegp.diagnosis.compared import Selection, fitted, without_each
 from torch_activegp.diagnosis.fit import Fit
+from torch_activegp.diagnosis.heats import PART, heat, near
 from torch_activegp.diagnosis.proposals import (
     MOST,
     Set,
@@ -36,43 +38,9 @@ ALIKE = 0.6
 """To stand in for an effect, another one must gain so much of what it gains, to first order."""
 MAX_EFFECTS = 4
 _PLENTY = 400.0
-_PART = 0.2
 _CLOSE = 40.0
 _COMPANY = 40
 _MORE = 20.0
-
-
-@dataclasses.dataclass
-class Selection:
-    """The sets that were fitted.
-
-    Args:
-        nominal: the fit without effects.
-        fits: all fits by their effects.
-        score: how they compare.
-    """
-
-    nominal: Fit
-    fits: list[Fit]
-    score: Score
-
-    @property
-    def best(self) -> Fit:
-        """The set with the best score that a machine can have."""
-        return min((fit for fit in self.fits if fit.plausible), key=self.score)
-
-    def add(self, fits: Sequence[Fit]) -> list[Fit]:
-        """Takes further fits in, and returns those that did not fail."""
-        sound = [fit for fit in fits if np.isfinite(fit.chi2)]
-        self.fits += sound
-        return sound
-
-    def ranked(self) -> list[Fit]:
-        """Best first, one fit for each set of names and targets."""
-        seen: dict[frozenset[tuple[str, str]], Fit] = {}
-        for fit in sorted((fit for fit in self.fits if fit.plausible), key=self.score):
-            seen.setdefault(fit.keys, fit)
-        return list(seen.values())
 
 
 def select(
@@ -102,7 +70,7 @@ def select(
     if sets:
         states = nominal.starts if starts is None else starts
         selection.add(shooting.fit(sets, states, design=nominal.design))
-        _rescale(selection, shooting)
+        selection.rescale(shooting.dof)
     expanded: set[frozenset[Effect]] = set()
     _search(selection, shooting, effects, expanded, tell, swaps)
     if selection.score.free and not _only_undoes(selection, shooting):
@@ -123,9 +91,7 @@ def _search(
     swapped: frozenset[Effect] = frozenset()
     swaps = 0
     for _ in range(2 * MAX_EFFECTS):
-        possible = [fit for fit in selection.fits if fit.plausible]
-        fresh = {frozenset(f.effects): f for f in sorted(possible, key=selection.score, reverse=True)}
-        beam = sorted((f for effects, f in fresh.items() if effects not in expanded), key=selection.score)
+        beam = [f for f in selection.ranked() if frozenset(f.effects) not in expanded]
         beam = [f for f in beam[:BEAM] if selection.score(f) <= selection.score(selection.best) + selection.score.slack]
         if not beam:
             if frozenset(selection.best.effects) == swapped or swaps == most_swaps or _hopeless(selection, shooting, 1):
@@ -141,7 +107,7 @@ def _search(
                 tell(f"testing what comes on top of {len(fit.effects)} effects")
                 _expand(selection, shooting, effects, fit)
         _simplify(selection, shooting, effects)
-        _rescale(selection, shooting)
+        selection.rescale(shooting.dof)
 
 
 def _only_undoes(selection: Selection, shooting: Shooting) -> bool:
@@ -155,31 +121,6 @@ def _only_undoes(selection: Selection, shooting: Shooting) -> bool:
     return only_undoes(selection.nominal, alone, without, best)
 
 
-def fitted(shooting: Shooting, selection: Selection, effects: Sequence[Effect]) -> Fit:
-    """The fit of a part of the best set, which may have been compared already.
-
-    A set contains the nominal. One that fits worse was given up in a race, or got stuck, and is fitted from there.
-    """
-    best, nominal = selection.best, selection.nominal
-    known = [fit for fit in selection.fits if frozenset(fit.effects) == frozenset(effects)]
-    values = dict(zip(best.effects, best.values, strict=True))
-    if known:
-        fit = min(known, key=lambda fit: fit.chi2)
-    else:
-        start = (tuple(effects), tuple(values[effect] for effect in effects))
-        fit = shooting.fit([start], best.starts, design=best.design)[0]
-    if fit.chi2 > nominal.chi2 and all(effect.linear or effect.tunable for effect in effects):
-        absent = (tuple(effects), tuple(_absent(effect, values[effect]) for effect in effects))
-        fit = min(fit, *shooting.fit([absent], nominal.starts, design=nominal.design), key=lambda fit: fit.chi2)
-    return fit
-
-
-def _absent(effect: Effect, values: Array) -> Array:
-    """Parameters with which an effect does nothing: no amplitude, the same shape."""
-    amplitudes = effect.linear or len(values)
-    return np.where(np.arange(len(values)) < amplitudes, 0.0, values)
-
-
 def _expand(selection: Selection, shooting: Shooting, effects: Sequence[Effect], fit: Fit) -> None:
     """Fits the most promising sets that contain a fit and something more."""
     screened = screen(shooting, fit, _allowed(effects, fit))
@@ -187,10 +128,10 @@ def _expand(selection: Selection, shooting: Shooting, effects: Sequence[Effect],
     if selection.score.names_in(fit.effects) < len(fit.effects):
         proposed += undone(fit, screened, selection.score.a_parameter * selection.score.scale)
     known = {frozenset(f.effects) for f in selection.fits}
-    fresh = [p for p in proposed if frozenset(p[0]) not in known]
+    fresh = heat(shooting, [p for p in proposed if frozenset(p[0]) not in known], fit, selection.score)
     if fresh:
         selection.add(shooting.fit(fresh, fit.starts, race=True, design=fit.design))
-        _rescale(selection, shooting)
+        selection.rescale(shooting.dof)
 
 
 def _hopeless(selection: Selection, shooting: Shooting, least: int) -> bool:
@@ -199,14 +140,6 @@ def _hopeless(selection: Selection, shooting: Shooting, least: int) -> bool:
     there = nominal.chi2 - shooting.dof
     left = best.chi2 - shooting.dof
     return len(best.effects) >= least and there > 0.2 * shooting.dof and left > HOPELESS * there
-
-
-def _rescale(selection: Selection, shooting: Shooting) -> None:
-    """The noise is what the best fit leaves, and never less than the noise model says."""
-    left = min(fit.chi2 / max(shooting.dof - fit.size, 1) for fit in selection.fits if fit.plausible)
-    scale = max(left, 1.0)
-    mismatch = max(selection.nominal.chi2 - scale * shooting.dof, 0.0)
-    selection.score = dataclasses.replace(selection.score, scale=scale, mismatch=mismatch)
 
 
 def _allowed(effects: Sequence[Effect], fit: Fit) -> list[Effect]:
@@ -261,11 +194,11 @@ def _same_or_more(effect: Effect, than: Effect) -> bool:
 def _swap(selection: Selection, shooting: Shooting, effects: Sequence[Effect]) -> None:
     """Tries other effects in place of each effect of the best set: rivals, and the way out of a false start."""
     best = selection.best
-    smaller = _without_each(selection, shooting)
+    smaller = without_each(selection, shooting)
     if not smaller:
         return
     gain = min(fit.chi2 for _, fit in smaller) - best.chi2
-    part, which = shooting.subset(min(max(_PLENTY / max(gain, 1.0), _PART), 1.0))
+    part, which = shooting.subset(min(max(_PLENTY / max(gain, 1.0), PART), 1.0))
     fresh: dict[frozenset[Effect], Set] = {}
     for effect, fit in smaller:
         screened = screen(part, fit.pick(which), _allowed(effects, fit))
@@ -278,23 +211,7 @@ def _swap(selection: Selection, shooting: Shooting, effects: Sequence[Effect]) -
         fresh.pop(frozenset(known.effects), None)
     sets = list(fresh.values())
     if sets and part.segments.size < shooting.segments.size:
-        here = best.pick(which)
-        trials = part.fit(sets, here.starts, race=True, design=here.design)
-        sets = [(f.effects, f.values) for f in trials if f.chi2 < here.chi2 + _CLOSE * selection.score.scale]
+        sets = near(part, sets, best.pick(which), _CLOSE * selection.score.scale)
     if sets:
         selection.add(shooting.fit(sets, best.starts, race=True, design=best.design))
-    _rescale(selection, shooting)
-
-
-def _without_each(selection: Selection, shooting: Shooting) -> list[tuple[Effect, Fit]]:
-    """The best set without each of its effects that could be another one."""
-    best = selection.best
-    named = [effect for effect in best.effects if effect.key not in selection.score.free]
-    rests = {effect: [e for e in best.effects if e is not effect] for effect in named}
-    known = {frozenset(fit.effects): fit for fit in selection.fits}
-    values = dict(zip(best.effects, best.values, strict=True))
-    unknown = [rest for rest in rests.values() if frozenset(rest) not in known]
-    if unknown:
-        sets = [(rest, [values[e] for e in rest]) for rest in unknown]
-        known |= {frozenset(f.effects): f for f in selection.add(shooting.fit(sets, best.starts, design=best.design))}
-    return [(effect, known[key]) for effect, rest in rests.items() if (key := frozenset(rest)) in known]
+    selection.rescale(shooting.dof)

@@ -101,10 +101,17 @@ class Shooting:
             reach[model.nq + v] = max(max(float(np.abs(run.velocity[:, c]).max()) for run in runs), 1e-6)
         return reach
 
-    def subset(self, share: float) -> tuple[Shooting, NDArray[np.int64]]:
-        """The same likelihood over a share of the segments, spread evenly; and which."""
+    def subset(self, share: float, first: Array | None = None) -> tuple[Shooting, NDArray[np.int64]]:
+        """The same likelihood over a share of the segments, and which.
+
+        Args:
+            share: of the segments.
+            first: half of them are those with the largest of these values, ``(S,)``; the others are spread evenly.
+        """
         count = max(int(np.ceil(share * self.segments.size)), min(6, self.segments.size))
-        which = np.unique(np.linspace(0, self.segments.size - 1, count).round().astype(np.int64))
+        worst = np.argsort(first)[::-1][: count // 2] if first is not None else np.zeros(0, dtype=np.int64)
+        even = np.linspace(0, self.segments.size - 1, count - len(worst)).round().astype(np.int64)
+        which = np.union1d(worst, even)
         return self.pick(which), which
 
     def fit(

@@ -8,14 +8,14 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
+from torch_activegp.diagnosis.compared import Selection, fitted
 from torch_activegp.diagnosis.fit import Fit
 from torch_activegp.diagnosis.intervals import standard_errors
-from torch_activegp.diagnosis.judge import Judgement, fitted
+from torch_activegp.diagnosis.judge import Judgement
 from torch_activegp.diagnosis.refit import Refits, refit
 from torch_activegp.diagnosis.result import EffectStability, Spread, Stability
 from torch_activegp.diagnosis.score import Score
 from torch_activegp.diagnosis.segments import Segments
-from torch_activegp.diagnosis.selection import Selection
 from torch_activegp.diagnosis.shooting import Shooting
 from torch_activegp.physics.effect import Effect
 

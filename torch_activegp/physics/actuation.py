@@ -8,6 +8,7 @@ from typing import ClassVar, Self
 
 import mujoco
 import numpy as np
+from scipy.signal import lfilter
 
 from torch_activegp.physics.effect import Array, Effect, Parameter, Place, element
 
@@ -200,17 +201,11 @@ class ActuatorLag(ActuatorEffect):
 
     def control(self, control: Array, dt: Array, values: Array) -> Array:
         """Filters the control exactly for a control that is held in each step; gives the mean over the step."""
-        held = np.ascontiguousarray(np.moveaxis(control[..., self.index], -1, 0))
-        steps = np.ascontiguousarray(np.moveaxis(dt, -1, 0))[:, None]
-        constant = np.maximum(values[:, :1], 1e-9)
-        state, out = held[0], np.empty_like(held)
-        for k, (u, step) in enumerate(zip(held, steps, strict=True)):
-            ratio = step / constant
-            past = state - u
-            gone = -np.expm1(-ratio)
-            out[k] = u + past * (gone / np.maximum(ratio, 1e-300))
-            state = u + past * (1.0 - gone)
-        control[..., self.index] = np.moveaxis(out, 0, -1)
+        held = np.moveaxis(control[..., self.index], -1, 0)
+        ratio = np.moveaxis(dt, -1, 0)[:, None] / np.maximum(values[:, :1], 1e-9)
+        gone = -np.expm1(-ratio)
+        past = _follow(held, gone) - held
+        control[..., self.index] = np.moveaxis(held + past * (gone / np.maximum(ratio, 1e-300)), 0, -1)
         return control
 
     def write(self, spec: mujoco.MjSpec, values: Array) -> bool:
@@ -221,6 +216,21 @@ class ActuatorLag(ActuatorEffect):
         actuator.dyntype, actuator.actearly = mujoco.mjtDyn.mjDYN_FILTEREXACT, True
         actuator.dynprm[0] = float(values[0])
         return True
+
+
+def _follow(held: Array, gone: Array) -> Array:
+    """What follows a control ``(T, n, runs)`` by a share of the distance in each step: its values before the steps."""
+    out = np.empty_like(held)
+    if np.ptp(gone, axis=0).max() < 1e-9:  # a regular clock
+        for case, run in np.ndindex(held.shape[1:]):
+            share, u = float(gone[0, case, run]), held[:, case, run]
+            after, _ = lfilter([share], [1.0, share - 1.0], u, zi=[(1.0 - share) * u[0]])
+            out[0, case, run], out[1:, case, run] = u[0], after[:-1]
+        return out
+    out[0] = held[0]
+    for k in range(len(held) - 1):
+        out[k + 1] = out[k] + gone[k] * (held[k] - out[k])
+    return out
 
 
 class ActuatorDelay(ActuatorEffect):

@@ -17,6 +17,7 @@ from torch_activegp.physics.inertia import (
     CenterOfMassOffset,
     DensityError,
     GravityError,
+    PayloadAlong,
     PayloadMass,
 )
 from torch_activegp.physics.joint import JointEffect
@@ -27,6 +28,7 @@ from torch_activegp.physics.springs import POSITION_FORCES
 
 JOINT_EFFECTS: tuple[type[Effect], ...] = (*FRICTION, *POSITION_FORCES, *MEMORY, ArmatureError)
 _BODY_EFFECTS = (PayloadMass, DensityError, CenterOfMassOffset)
+_AXES = ((0,), (1,), (2,), (0, 1), (0, 2), (1, 2))
 _LISTED: tuple[type[Effect], ...] = (*JOINT_EFFECTS, Backlash, *ACTUATION, *SENSING, *_BODY_EFFECTS, GravityError)
 
 
@@ -59,7 +61,7 @@ def catalogue(
     effects += [kind.at(place, model) for place in actuators for kind in ACTUATION]
     effects += [kind.at(place, model) for place in sensors for kind in SENSING]
     effects += body_effects(model)
-    effects += [GravityError.along(axis) for axis in range(3)]
+    effects += [GravityError.along(*axes) for axes in _AXES]
     places = {JointEffect: joints, ActuatorEffect: actuators, SensorEffect: sensors}
     taken = {kind.name for kind in _LISTED}
     for kind in more:
@@ -124,10 +126,10 @@ def body_effects(model: mujoco.MjModel) -> list[Effect]:
         effects.append(DensityError.at(place, model))
         reach = farthest_point(model, body)
         if np.linalg.norm(reach) > 1e-3 and not stays_balanced:
-            effects.append(PayloadMass.at(place, model, reach, "end"))
+            effects += [PayloadMass.at(place, model, reach, "end"), PayloadAlong.at(place, model, reach)]
         size = max(float(np.linalg.norm(reach)), 0.02)
         if not stays_balanced:
-            effects += [CenterOfMassOffset.along(place, model, axis, size) for axis in range(3)]
+            effects += [CenterOfMassOffset.along(place, size, *axes) for axes in _AXES]
     return effects
 
 

@@ -66,6 +66,7 @@ class Effect:
         seeds: values to start from, ``(n, P)``; the amplitudes in them serve where ``linear`` is 0.
         linear: number of parameters in which the effect is linear.
         variant: tells apart several forms of one name on one target.
+        stands_in: whether this form is tried only in place of another one that a set holds already.
     """
 
     target: str
@@ -73,6 +74,7 @@ class Effect:
     seeds: Array
     linear: int = 1
     variant: str = ""
+    stands_in: bool = False
 
     name: ClassVar[str]
     law: ClassVar[str]
@@ -80,8 +82,6 @@ class Effect:
     """Names of effects on the same target that this one contains."""
     tunable: ClassVar[bool] = False
     """Whether a modeller would have tuned it on the machine's data, so that a nominal can hide others in it."""
-    stands_in: ClassVar[bool] = False
-    """Whether it is another form of a name, tried only in place of the form that a set holds already."""
     needs_steps: ClassVar[bool] = False
     """Whether :meth:`before_step` does something."""
 
@@ -137,6 +137,15 @@ class Effect:
             ``qpos`` or ``qvel``, of the target, from and to; None for an effect that acts everywhere.
         """
         return None
+
+    def taking_over(self, other: Effect, values: Array) -> Array:
+        """Values ``(P,)`` with which this form of a name begins in place of another form with some values.
+
+        What has the same name stays; further amplitudes begin at 0, shapes at the first seed.
+        """
+        known = dict(zip((parameter.name for parameter in other.parameters), values, strict=True))
+        begin = np.where(np.arange(len(self.parameters)) < self.linear, 0.0, self.seeds[0])
+        return np.array([known.get(p.name, v) for p, v in zip(self.parameters, begin, strict=True)], dtype=float)
 
     def describe(self, values: Array) -> dict[str, float]:
         """The parameters by name."""

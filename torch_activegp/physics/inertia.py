@@ -43,6 +43,8 @@ class ArmatureError(JointEffect):
         return True
 
 
+_BEYOND = 1.2
+"""A load may stick out of the body that carries it, by a fifth of the way to its end."""
 _INERTIAL = ("body_mass", "body_ipos", "body_inertia", "body_iquat", "body_simple")
 
 
@@ -53,12 +55,12 @@ class BodyEffect(Effect):
     Args:
         body: the body's id.
         offset: where a payload sits from the body's centre of mass, m, body frame, ``(3,)``.
-        axis: direction of the centre's displacement: 0, 1 or 2 for x, y or z of the body's frame.
+        axes: directions of the centre's displacement: 0, 1 and 2 for x, y and z of the body's frame.
     """
 
     body: int = 0
     offset: tuple[float, float, float] = (0.0, 0.0, 0.0)
-    axis: int = 0
+    axes: tuple[int, ...] = (0,)
 
     def write(self, spec: mujoco.MjSpec, values: Array) -> bool:
         """Writes ``inertial`` as the edited model has it, unless the compiler would overrule it."""
@@ -104,19 +106,51 @@ class PayloadMass(BodyEffect):
         mass, inertia, center, axes = (field(name) for name in ("body_mass", "body_inertia", "body_ipos", "body_iquat"))
         extra, old = values[:, 0], mass[rows, self.body]
         total = np.maximum(old + extra, 1e-9)
-        offset = np.array(self.offset)
+        offset = self.offsets(values)
         if offset.any():
             field("body_simple")[rows, self.body] = 0
             reduced = (old * extra / total)[:, None, None]
             turned = Rotation.from_quat(axes[rows, self.body], scalar_first=True)
             local = turned.inv().apply(offset)
-            arms = (offset @ offset) * np.eye(3) - local[:, :, None] * local[:, None, :]
+            squares = (offset**2).sum(axis=1)[:, None, None]
+            arms = squares * np.eye(3) - local[:, :, None] * local[:, None, :]
             tensor = inertia[rows, self.body][:, :, None] * np.eye(3) + reduced * arms
             inertia[rows, self.body], turn = _principal(tensor)
             axes[rows, self.body] = (turned * turn).as_quat(scalar_first=True)
         center[rows, self.body] += (extra / total)[:, None] * offset
         mass[rows, self.body] = total
         return True
+
+    def offsets(self, values: Array) -> Array:
+        """Where the payload sits in each simulation, m from the body's centre of mass, ``(rows, 3)``."""
+        return np.tile(np.array(self.offset), (len(values), 1))
+
+
+class PayloadAlong(PayloadMass):
+    """A point mass somewhere between a body's centre of mass and its end, or a little beyond."""
+
+    law = "a point mass m on the line from the body's centre of mass to its end"
+
+    @classmethod
+    def at(
+        cls, place: Place, model: mujoco.MjModel, offset: Sequence[float] | Array = (0, 0, 0), variant: str = "along"
+    ) -> Self:
+        """Makes the effect for a body whose end is at an offset from its centre of mass."""
+        end = PayloadMass.at(place, model, offset)
+        reach = float(np.linalg.norm(end.offset))
+        distance = Parameter("distance", "m", 0.05 * reach, low=-_BEYOND * reach, high=_BEYOND * reach)
+        seeds = np.array([[*end.seeds[0], 0.5 * reach]])
+        return dataclasses.replace(
+            cls(place.target, (*end.parameters, distance), seeds, variant=variant),
+            body=end.body,
+            offset=end.offset,
+            stands_in=True,
+        )
+
+    def offsets(self, values: Array) -> Array:
+        """The distance in the direction of the end."""
+        direction = np.array(self.offset) / np.linalg.norm(self.offset)
+        return np.asarray(values[:, 1:] * direction)
 
 
 def _principal(tensor: Array) -> tuple[Array, Rotation]:
@@ -153,23 +187,32 @@ class DensityError(BodyEffect):
 
 
 class CenterOfMassOffset(BodyEffect):
-    """The centre of mass lies elsewhere along one axis of the body's frame."""
+    """The centre of mass lies elsewhere along one or two axes of the body's frame."""
 
     name = "center_of_mass_offset"
-    law = "the body's centre of mass moves along one of its axes"
+    law = "the body's centre of mass moves along its axes"
 
     @classmethod
-    def along(cls, place: Place, model: mujoco.MjModel, axis: int, size: float) -> Self:
-        """Makes the effect along one axis of a body of a given size, m."""
-        parameter = Parameter(f"offset_{_AXES[axis]}", "m", 0.03 * size, low=-size, high=size)
+    def along(cls, place: Place, size: float, *axes: int) -> Self:
+        """Makes the effect along some axes of a body of a given size, m; more than one stand in for a single one."""
+        names = tuple(_AXES[axis] for axis in axes)
+        parameters = tuple(Parameter(f"offset_{name}", "m", 0.03 * size, low=-size, high=size) for name in names)
         return cls(
-            place.target, (parameter,), np.array([[0.03 * size]]), variant=_AXES[axis], body=place.index, axis=axis
+            place.target,
+            parameters,
+            np.full((1, len(axes)), 0.03 * size),
+            linear=len(axes),
+            variant="".join(names),
+            stands_in=len(axes) > 1,
+            body=place.index,
+            axes=axes,
         )
 
     def edit(self, field: Callable[[str], Array], rows: Index, values: Array) -> bool:
         """Moves ``body_ipos``."""
         field("body_simple")[rows, self.body] = 0
-        field("body_ipos")[rows, self.body, self.axis] += values[:, 0]
+        for axis, shift in zip(self.axes, values.T, strict=True):
+            field("body_ipos")[rows, self.body, axis] += shift
         return True
 
 
@@ -178,38 +221,40 @@ class GravityError(Effect):
     """Gravity differs in size or direction: MJCF's ``option gravity``.
 
     Args:
-        axis: 0, 1 or 2 for x, y or z of the world, and 3 for all of them.
+        axes: 0, 1 and 2 for x, y and z of the world.
     """
 
-    axis: int = 3
+    axes: tuple[int, ...] = (0, 1, 2)
 
     name = "gravity_error"
     law = "gravity is another vector"
 
     @classmethod
-    def along(cls, axis: int) -> Self:
-        """Makes the effect along one axis of the world, or all of them (3)."""
-        axes = range(3) if axis == 3 else [axis]
-        parameters = tuple(Parameter(f"change_{_AXES[i]}", "m/s2", 0.3) for i in axes)
-        seed = np.full((1, len(parameters)), 0.3)
-        variant = "vector" if axis == 3 else _AXES[axis]
-        return cls("world", parameters, seed, linear=len(parameters), variant=variant, axis=axis)
+    def along(cls, *axes: int) -> Self:
+        """Makes the effect along some axes of the world; more than one stand in for a single one."""
+        names = tuple(_AXES[axis] for axis in axes)
+        parameters = tuple(Parameter(f"change_{name}", "m/s2", 0.3) for name in names)
+        seed = np.full((1, len(axes)), 0.3)
+        return cls(
+            "world",
+            parameters,
+            seed,
+            linear=len(axes),
+            variant="".join(names),
+            stands_in=len(axes) > 1,
+            axes=axes,
+        )
 
     def edit(self, field: Callable[[str], Array], rows: Index, values: Array) -> bool:
         """Changes ``opt.gravity``."""
         gravity = field("opt.gravity")
-        if self.axis == 3:
-            gravity[rows] += values
-        else:
-            gravity[rows, self.axis] += values[:, 0]
+        for axis, change in zip(self.axes, values.T, strict=True):
+            gravity[rows, axis] += change
         return False
 
     def write(self, spec: mujoco.MjSpec, values: Array) -> bool:
         """Writes ``option gravity``."""
         gravity = np.array(spec.option.gravity)
-        if self.axis == 3:
-            gravity += values
-        else:
-            gravity[self.axis] += values[0]
+        gravity[list(self.axes)] += values
         spec.option.gravity = gravity
         return True

@@ -19,13 +19,12 @@ class SoftCoulombFriction(CoulombFriction):
     """
 
     law = "-F sign(v), softened as the model's solreffriction says"
-    stands_in = True
 
     @classmethod
     def at(cls, place: Place, model: mujoco.MjModel) -> Self:
         """Makes the effect for a joint."""
         firm = CoulombFriction.at(place, model)
-        return cls.make(place, firm.parameters, firm.seeds.tolist(), variant="soft")
+        return cls.make(place, firm.parameters, firm.seeds.tolist(), variant="soft", stands_in=True)
 
     def edit(self, field: Callable[[str], Array], rows: Index, values: Array) -> bool:
         """Adds to ``dof_frictionloss`` alone."""

@@ -1,0 +1,61 @@
+from __future__ import annotations
+
+import dataclasses
+
+import numpy as np
+import pytest
+
+from torch_activegp.diagnosis.compared import Selection, fitted, without_each
+from torch_activegp.diagnosis.score import Score
+
+
+@pytest.fixture
+def found(bench) -> Selection:
+    return Selection(bench.nominal, [bench.nominal], Score(bench.shooting.samples, 20, 1.0))
+
+
+def test_what_no_machine_can_have_is_not_chosen(bench) -> None:
+    stribeck = bench.effect("stribeck_friction")
+    wet = bench.fit("viscous_friction", 0.05)
+    odd = dataclasses.replace(wet, effects=(stribeck,), values=(np.array([0.0, 0.3, 0.2]),), chi2=0.5 * wet.chi2)
+    found = Selection(bench.nominal, [bench.nominal, odd, wet], Score(bench.shooting.samples, 20, 1.0))
+    assert (odd.plausible, wet.plausible, bench.nominal.plausible) == (False, True, True)
+    assert found.best is wet
+    assert odd not in found.ranked()
+    fair = dataclasses.replace(odd, values=(np.array([0.1, 0.3, 0.2]),))
+    assert fair.plausible
+
+
+def test_a_part_that_was_given_up_is_fitted_from_the_nominal(bench) -> None:
+    """Else what gains much alone would look as if it gained nothing, and pass for an undone tuning."""
+    wet = bench.effect("viscous_friction")
+    fit = bench.fit("viscous_friction", 0.05)
+    both = dataclasses.replace(fit, effects=(wet, bench.effect("cubic_spring")), values=(*fit.values, np.array([0.1])))
+    given_up = dataclasses.replace(fit, chi2=3.0 * bench.nominal.chi2)
+    found = Selection(bench.nominal, [bench.nominal, both, given_up], Score(bench.shooting.samples, 20, 1.0))
+    again = fitted(bench.shooting, found, [wet])
+    assert again.chi2 == pytest.approx(fit.chi2, rel=1e-3)
+    found.fits[-1] = fit
+    assert fitted(bench.shooting, found, [wet]) is fit
+
+
+def test_the_best_set_is_taken_apart(bench, found) -> None:
+    wet, spring = bench.effect("viscous_friction"), bench.effect("cubic_spring")
+    found.fits.clear()
+    start = ((wet, spring), (np.array([0.05]), np.array([0.0])))
+    found.add(bench.shooting.fit([start], bench.nominal.starts))
+    parts = {effect.name: fit for effect, fit in without_each(found, bench.shooting)}
+    assert set(parts) == {"viscous_friction", "cubic_spring"}
+    assert parts["viscous_friction"].chi2 > parts["cubic_spring"].chi2 + 100
+    assert all(fit in found.fits for fit in parts.values())
+
+
+def test_the_noise_is_what_the_best_fit_leaves(bench, found) -> None:
+    found.rescale(bench.shooting.dof)
+    assert found.score.scale == pytest.approx(bench.nominal.chi2 / bench.shooting.dof)
+    assert found.score.mismatch == 0.0
+    found.add([bench.fit("viscous_friction", 0.05), dataclasses.replace(bench.nominal, chi2=np.inf)])
+    assert len(found.fits) == 2
+    found.rescale(bench.shooting.dof)
+    assert 1.0 <= found.score.scale < 1.3
+    assert found.score.mismatch > 100

@@ -1,0 +1,42 @@
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from torch_activegp.diagnosis.heats import heat, near
+from torch_activegp.diagnosis.score import Score
+
+WET, LOAD = "viscous_friction", "constant_force"
+
+
+@pytest.fixture
+def sets(bench) -> list:
+    return [((bench.effect(name),), (np.array([0.01]),)) for name in (WET, LOAD)]
+
+
+def names(sets: list) -> list[str]:
+    return [effects[0].name for effects, _ in sets]
+
+
+@pytest.mark.parametrize(("mismatch", "passed"), [(1e5, [WET]), (10.0, [WET, LOAD])])
+def test_what_gains_too_little_on_a_part_is_not_fitted_to_all(bench, sets, mismatch, passed) -> None:
+    """But only where so much is missing that a part of the data shows it."""
+    score = Score(bench.shooting.samples, 20, 1.0, mismatch=mismatch)
+    found = heat(bench.shooting, sets, bench.nominal, score)
+    assert names(found) == passed
+    moved = [abs(float(values[0][0]) - 0.01) > 1e-6 for _, values in found]
+    assert moved == [mismatch > 100.0] * len(found)
+
+
+def test_what_costs_no_more_than_the_fit_passes(bench, sets) -> None:
+    score = Score(bench.shooting.samples, 20, 1.0, mismatch=2e4)
+    load = bench.fit(LOAD, 0.01)
+    assert names(heat(bench.shooting, sets, load, score)) == [WET, LOAD]
+
+
+def test_nearness_is_judged_by_the_part(bench, sets) -> None:
+    part, which = bench.shooting.subset(0.5, bench.nominal.per_segment)
+    here = bench.nominal.pick(which)
+    assert names(near(part, sets, here, -20.0)) == [WET]
+    assert names(near(part, sets, here, 20.0)) == [WET, LOAD]
+    assert names(near(part, sets, here, lambda effects: 20.0 if effects[0].name == LOAD else -1e9)) == [LOAD]

@@ -1,0 +1,93 @@
+"""The sets that were compared, and the parts of the best one."""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Sequence
+
+import numpy as np
+
+from torch_activegp.diagnosis.fit import Fit
+from torch_activegp.diagnosis.runs import Array
+from torch_activegp.diagnosis.score import Score
+from torch_activegp.diagnosis.shooting import Shooting
+from torch_activegp.physics.effect import Effect
+
+
+@dataclasses.dataclass
+class Selection:
+    """The sets that were fitted.
+
+    Args:
+        nominal: the fit without effects.
+        fits: all fits by their effects.
+        score: how they compare.
+    """
+
+    nominal: Fit
+    fits: list[Fit]
+    score: Score
+
+    @property
+    def best(self) -> Fit:
+        """The set with the best score that a machine can have."""
+        return min((fit for fit in self.fits if fit.plausible), key=self.score)
+
+    def add(self, fits: Sequence[Fit]) -> list[Fit]:
+        """Takes further fits in, and returns those that did not fail."""
+        sound = [fit for fit in fits if np.isfinite(fit.chi2)]
+        self.fits += sound
+        return sound
+
+    def ranked(self) -> list[Fit]:
+        """Best first, one fit for each set of names and targets."""
+        seen: dict[frozenset[tuple[str, str]], Fit] = {}
+        for fit in sorted((fit for fit in self.fits if fit.plausible), key=self.score):
+            seen.setdefault(fit.keys, fit)
+        return list(seen.values())
+
+    def rescale(self, dof: int) -> None:
+        """The noise is what the best fit leaves, and never less than the noise model says."""
+        left = min(fit.chi2 / max(dof - fit.size, 1) for fit in self.fits if fit.plausible)
+        scale = max(left, 1.0)
+        mismatch = max(self.nominal.chi2 - scale * dof, 0.0)
+        self.score = dataclasses.replace(self.score, scale=scale, mismatch=mismatch)
+
+
+def fitted(shooting: Shooting, selection: Selection, effects: Sequence[Effect]) -> Fit:
+    """The fit of a part of the best set, which may have been compared already.
+
+    A set contains the nominal. One that fits worse was given up in a race, or got stuck, and is fitted from there.
+    """
+    best, nominal = selection.best, selection.nominal
+    known = [fit for fit in selection.fits if frozenset(fit.effects) == frozenset(effects)]
+    values = dict(zip(best.effects, best.values, strict=True))
+    if known:
+        fit = min(known, key=lambda fit: fit.chi2)
+    else:
+        start = (tuple(effects), tuple(values[effect] for effect in effects))
+        fit = shooting.fit([start], best.starts, design=best.design)[0]
+    if fit.chi2 > nominal.chi2 and all(effect.linear or effect.tunable for effect in effects):
+        absent = (tuple(effects), tuple(_absent(effect, values[effect]) for effect in effects))
+        fit = min(fit, *shooting.fit([absent], nominal.starts, design=nominal.design), key=lambda fit: fit.chi2)
+    return fit
+
+
+def _absent(effect: Effect, values: Array) -> Array:
+    """Parameters with which an effect does nothing: no amplitude, the same shape."""
+    amplitudes = effect.linear or len(values)
+    return np.where(np.arange(len(values)) < amplitudes, 0.0, values)
+
+
+def without_each(selection: Selection, shooting: Shooting) -> list[tuple[Effect, Fit]]:
+    """The best set without each of its effects that could be another one."""
+    best = selection.best
+    named = [effect for effect in best.effects if effect.key not in selection.score.free]
+    rests = {effect: [e for e in best.effects if e is not effect] for effect in named}
+    known = {frozenset(fit.effects): fit for fit in selection.fits}
+    values = dict(zip(best.effects, best.values, strict=True))
+    unknown = [rest for rest in rests.values() if frozenset(rest) not in known]
+    if unknown:
+        sets = [(rest, [values[e] for e in rest]) for rest in unknown]
+        known |= {frozenset(f.effects): f for f in selection.add(shooting.fit(sets, best.starts, design=best.design))}
+    return [(effect, known[key]) for effect, rest in rests.items() if (key := frozenset(rest)) in known]
