@@ -62,6 +62,7 @@ def named() -> dict[str, Any]:
         },
         "next_experiment": {"separates": [], "why": "a heavier load moves both apart", "controls": "next.csv"},
         "notes": ["a.csv: [bold]Columns[/] left out: x."],
+        "retuned": [{"name": "armature_error", "target": "joint:slide", "parameters": {}}],
         "stability": {"effects": [], "sound": True, "sentence": "Each recording left out in turn: 2 of 2."},
     }
 
@@ -159,6 +160,7 @@ def test_the_sentence_comes_first_then_effects_ties_errors_and_files(run: Run, f
         "│ actuator_gain │ 7 % │ 52 % │ gain 0.83 │",
         "periods 1 7.00 1/turn (6.90 to",
         "Tie: actuator_gain at actuator:push cannot be told from payload_mass at body:cart by these recordings.",
+        "Fitted along, for a modeller tunes it anyway: armature_error at joint:slide.",
         "Each recording left out in turn: 2 of 2.",
         "Not explained: 2 % of the mismatch.",
         "one step │ 0.2 │ 0.02 │ 0.019",

@@ -140,16 +140,7 @@ def _say(text: str, to: Any = results) -> None:
 
 
 def _show(found: Values) -> None:
-    effects = found.get("effects") or []
-    if effects:
-        results.print(_effects(effects))
-    for effect in effects:
-        if effect.get("ties"):
-            rivals = listed((_named(tie) for tie in effect["ties"]), "or")
-            _say(f"Tie: {_named(effect)} cannot be told from {rivals} by these recordings.")
-    stable = found.get("stability")
-    if stable:
-        _say(stable["sentence"])
+    _show_effects(found)
     rest = (found.get("unexplained") or {}).get("share")
     if is_number(rest):
         _say(f"Not explained: {percent(rest)} of the mismatch.")
@@ -161,6 +152,22 @@ def _show(found: Values) -> None:
     if following:
         controls = f" Controls: {following['controls']}." if following.get("controls") else ""
         _say(f"Next recording: {following.get('why') or ''}{controls}")
+
+
+def _show_effects(found: Values) -> None:
+    effects = found.get("effects") or []
+    if effects:
+        results.print(_effects(effects))
+    for effect in effects:
+        if effect.get("ties"):
+            rivals = listed((_named(tie) for tie in effect["ties"]), "or")
+            _say(f"Tie: {_named(effect)} cannot be told from {rivals} by these recordings.")
+    along = found.get("retuned") or []
+    if along:
+        _say(f"Fitted along, for a modeller tunes it anyway: {listed(map(_named, along))}.")
+    stable = found.get("stability")
+    if stable:
+        _say(stable["sentence"])
 
 
 def _named(effect: Values) -> str:

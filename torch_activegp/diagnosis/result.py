@@ -184,6 +184,8 @@ class Diagnosis:
             values = ", ".join(f"{name} {estimate}" for name, estimate in effect.parameters.items())
             ties = "".join(f"; or {name} at {target}" for name, target in effect.ties)
             lines.append(f"  {effect.name} at {effect.target}: {values}; explains {effect.share:.0%}{ties}")
+        along = [f"{effect['name']} at {effect['target']}" for effect in self.details.get("retuned", ())]
+        lines += [f"  fitted along, for a modeller tunes it anyway: {', '.join(along)}"] if along else []
         if self.stability is not None and not self.stability.sound:
             lines.append(str(self.stability))
         return "\n".join(lines)
