@@ -26,7 +26,7 @@ import numpy as np
 
 from torch_activegp.physics import Effect, Parameter, Place
 from torch_activegp.physics.effect import Array, Index
-from torch_activegp.physics.inertia import PayloadMass
+from torch_activegp.physics.payload import PayloadMass
 
 Form = list[tuple[Effect, Array]]
 """Effects and their values: one way in which the package can hold something."""

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from torch_activegp.diagnosis.prescribed_motion import only_on
 from torch_activegp.diagnosis.runs import Array, Channels, Run, median_step
 from torch_activegp.physics import Effect, Place, catalogue
-from torch_activegp.physics.inertia import BodyEffect
+from torch_activegp.physics.body import BodyEffect
 
 
 def effects_for(

@@ -40,6 +40,7 @@ MAX_EFFECTS = 4
 _PLENTY = 400.0
 _CLOSE = 40.0
 _COMPANY = 40
+_ROUNDS = 10
 _MORE = 20.0
 
 
@@ -183,7 +184,7 @@ def _simplify(selection: Selection, shooting: Shooting, effects: Sequence[Effect
     fewer = without_weak(best, lambda effect: selection.score.scale * selection.score.price([effect]))
     sets += [fewer] if fewer and frozenset(fewer[0]) not in known else []
     if sets:
-        selection.add(shooting.fit(sets, best.starts, rounds=4, design=best.design))
+        selection.add(shooting.fit(sets, best.starts, rounds=_ROUNDS, design=best.design))
 
 
 def _same_or_more(effect: Effect, than: Effect) -> bool:

@@ -12,15 +12,9 @@ from torch_activegp.errors import ConfigurationError
 from torch_activegp.physics.actuation import ACTUATION, ActuatorEffect
 from torch_activegp.physics.effect import Array, Effect, Place
 from torch_activegp.physics.friction import FRICTION
-from torch_activegp.physics.inertia import (
-    ArmatureError,
-    CenterOfMassOffset,
-    DensityError,
-    GravityError,
-    PayloadAlong,
-    PayloadMass,
-)
+from torch_activegp.physics.inertia import ArmatureError, CenterOfMassOffset, GravityError
 from torch_activegp.physics.joint import JointEffect
+from torch_activegp.physics.payload import DensityError, PayloadAlong, PayloadAside, PayloadMass
 from torch_activegp.physics.play import MEMORY, Backlash
 from torch_activegp.physics.sensing import SENSING, SensorEffect
 from torch_activegp.physics.soft_friction import SoftCoulombFriction
@@ -28,7 +22,8 @@ from torch_activegp.physics.springs import POSITION_FORCES
 
 JOINT_EFFECTS: tuple[type[Effect], ...] = (*FRICTION, *POSITION_FORCES, *MEMORY, ArmatureError)
 _BODY_EFFECTS = (PayloadMass, DensityError, CenterOfMassOffset)
-_AXES = ((0,), (1,), (2,), (0, 1), (0, 2), (1, 2))
+_PLANES = ((0, 1), (0, 2), (1, 2))
+_AXES = ((0,), (1,), (2,), *_PLANES)
 _LISTED: tuple[type[Effect], ...] = (*JOINT_EFFECTS, Backlash, *ACTUATION, *SENSING, *_BODY_EFFECTS, GravityError)
 
 
@@ -127,6 +122,7 @@ def body_effects(model: mujoco.MjModel) -> list[Effect]:
         reach = farthest_point(model, body)
         if np.linalg.norm(reach) > 1e-3 and not stays_balanced:
             effects += [PayloadMass.at(place, model, reach, "end"), PayloadAlong.at(place, model, reach)]
+            effects += [PayloadAside.within(place, model, reach, plane) for plane in _PLANES]
         size = max(float(np.linalg.norm(reach)), 0.02)
         if not stays_balanced:
             effects += [CenterOfMassOffset.along(place, size, *axes) for axes in _AXES]
