@@ -87,6 +87,21 @@ def test_as_many_names_as_are_tried_must_explain_nearly_all(bench, monkeypatch) 
     assert judge(bench.shooting, selection(bench, half)).verdict == "unknown"
 
 
+@pytest.mark.parametrize(("visible", "verdict"), [(1e-3, "unknown"), (1e3, "named")])
+def test_less_may_be_left_where_it_is_large_against_the_noise(bench, monkeypatch, visible, verdict) -> None:
+    effect = bench.effect("viscous_friction")
+    most = bench.shooting.fit([((effect,), (np.array([0.045]),))], bench.nominal.starts, hold=True)[0]
+    monkeypatch.setattr("torch_activegp.diagnosis.judge.SEEN", 0.04)
+    chosen = selection(bench, most)
+    before = omnibus(bench.shooting, chosen.nominal)
+    after = omnibus(bench.shooting, most)
+    assert after.excess < before.excess
+    monkeypatch.setattr("torch_activegp.diagnosis.judge.VISIBLE", visible * after.excess / bench.shooting.dof)
+    judged = judge(bench.shooting, chosen)
+    assert 0.04 < judged.unexplained < 0.15
+    assert judged.verdict == verdict
+
+
 def test_much_of_the_rest_is_named_however_little_of_the_whole(bench) -> None:
     effects = (bench.effect("constant_force"), bench.effect("viscous_friction"))
     both = bench.shooting.fit([(effects, (np.array([0.0]), np.array([0.05])))], bench.nominal.starts)[0]

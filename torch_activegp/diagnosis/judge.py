@@ -23,6 +23,8 @@ LEAST_SHARE = 0.002
 """What explains less of the mismatch stays in the correction and is not named, unless it is much of what is left."""
 INADEQUATE = 0.15
 """A set that leaves more of the mismatch than this does not explain it."""
+SEEN = 0.08
+"""The same where what is left is large against the noise too. Sets with the right names leave up to 0.04."""
 CROWDED = 0.04
 """The same where as many names as are tried leave it: what is missing is not on the list."""
 SURE = 1e-5
@@ -127,7 +129,8 @@ def judge(shooting: Shooting, selection: Selection) -> Judgement:
     ties = tuple(_ties(rivals, best, effect) for effect in order)
     p_value = min(before.p_value, float(stats.chi2.sf(gain / score.scale, best.size)) * score.names)
     crowded = len(order) >= MAX_EFFECTS and unexplained > CROWDED
-    if after.p_value < DOUBT and (unexplained > INADEQUATE or crowded):
+    most = SEEN if _visible(shooting, after) else INADEQUATE
+    if after.p_value < DOUBT and (unexplained > most or crowded):
         verdict = "unknown" if crowded or _visible(shooting, before) else "none"
     else:
         verdict = "tie" if any(ties) else "named"
@@ -136,12 +139,12 @@ def judge(shooting: Shooting, selection: Selection) -> Judgement:
     )
 
 
-def _visible(shooting: Shooting, before: Omnibus) -> bool:
+def _visible(shooting: Shooting, left: Omnibus) -> bool:
     """Whether a mismatch without a name is large enough to be believed."""
     least = VISIBLE_IN_COLOUR if shooting.noise.colour.any() else VISIBLE
     if float(np.median(shooting.segments.dt)) > SLOW:
         least = VISIBLE_WHEN_SLOW
-    return before.p_value < SURE and before.excess > least * shooting.dof
+    return left.p_value < SURE and left.excess > least * shooting.dof
 
 
 def _rivals(selection: Selection) -> tuple[tuple[Fit, float, float], ...]:

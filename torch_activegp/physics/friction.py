@@ -17,7 +17,7 @@ SHARP = 2.0
 IMPEDANCE = (0.99, 0.999)
 _BRISTLES = 0.5
 _LITTLE = 0.1
-_STEEPEST = 10.0
+_STEEPEST = 4.0
 """Static friction beyond what slides, over what slides, at most; machines show 0.1 to 2."""
 
 
