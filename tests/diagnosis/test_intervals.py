@@ -52,3 +52,18 @@ def test_a_derived_parameter_gets_its_own_unit(bench) -> None:
     (name, estimate), *_ = estimates(bench.shooting, fit, effect).items()
     assert (name, estimate.unit) == ("gain", "1")
     assert estimate.value == pytest.approx(1.0 + fit.values[0][0])
+
+
+def test_what_is_never_negative_has_no_negative_interval(bench) -> None:
+    effect = bench.effect("joint_stop")
+    fit = bench.shooting.fit([((effect,), (effect.seeds[-1],))], bench.nominal.starts)[0]
+    information = np.diag([0.3, 1e-9, 1e6]) / np.maximum(fit.values[0], 1e-3) ** 2
+    loose = dataclasses.replace(
+        fit, values=(np.array([50.0, 2.0, 0.3]),), information=information, scores=fit.scores[:3]
+    )
+    found = estimates(bench.shooting, loose, effect)
+    for name in ("stiffness", "damping"):
+        low, high = found[name].ci95
+        assert 0.0 < low < found[name].value < high < np.inf
+        assert low * high == pytest.approx(found[name].value ** 2)
+    assert sum(found["position"].ci95) == pytest.approx(2 * found["position"].value)

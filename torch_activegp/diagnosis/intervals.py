@@ -13,6 +13,7 @@ from torch_activegp.diagnosis.shooting import Shooting
 from torch_activegp.physics.effect import Effect
 
 _LEVEL = 0.975
+_WIDEST = 10.0
 
 
 def covariance(shooting: Shooting, fit: Fit) -> Array:
@@ -51,14 +52,26 @@ def standard_errors(shooting: Shooting, fit: Fit, effect: Effect) -> dict[str, f
 
 
 def estimates(shooting: Shooting, fit: Fit, effect: Effect) -> dict[str, Estimate]:
-    """The parameters of one effect of a fit as its users know them, with 95 % intervals."""
+    """The parameters of one effect of a fit as its users know them, with 95 % intervals.
+
+    Intervals by the logarithm: Meeker, Escobar, *Statistical Methods for Reliability Data* (1998).
+    """
     wide = float(stats.t.ppf(_LEVEL, max(shooting.segments.size - fit.size, 3)))
     errors = standard_errors(shooting, fit, effect)
     center = effect.describe(fit.values[fit.effects.index(effect)])
+    least = effect.describe(np.array([p.low if np.isfinite(p.low) else np.nan for p in effect.parameters]))
     return {
-        name: Estimate(value, _unit(effect, name, i), (value - wide * errors[name], value + wide * errors[name]))
+        name: Estimate(value, _unit(effect, name, i), _interval(value, wide * errors[name], least[name]))
         for i, (name, value) in enumerate(center.items())
     }
+
+
+def _interval(value: float, half: float, least: float) -> tuple[float, float]:
+    """Symmetric, or by the logarithm for what is never negative and so uncertain that its interval would be."""
+    if least >= 0.0 and value > 0.0 and value - half < least:
+        ratio = float(np.exp(min(half / value, _WIDEST)))
+        return value / ratio, value * ratio
+    return value - half, value + half
 
 
 def _unit(effect: Effect, name: str, index: int) -> str:
