@@ -86,6 +86,19 @@ def test_another_form_of_a_name_is_tried_in_its_place(bench) -> None:
         assert simpler(fit, bench.effects, {frozenset({forms[other]}): 2000.0}, 1040.0) == []
 
 
+def test_what_one_form_leaves_to_a_second_name_another_form_may_hold_alone(bench) -> None:
+    forms = {e.variant: e for e in bench.effects if e.key == ("center_of_mass_offset", "body:rod")}
+    bias = bench.effect("sensor_bias", "sensor:hip")
+    values = (np.array([0.02]), np.array([0.05]))
+    fit = dataclasses.replace(bench.nominal, effects=(bias, forms["z"]), values=values, chi2=1000.0)
+    found = {frozenset(effects): vs for effects, vs in simpler(fit, bench.effects, {}, 1040.0)}
+    assert frozenset({bias, forms["xz"]}) in found
+    np.testing.assert_allclose(found[frozenset({forms["xz"]})][0], [0.0, 0.05])
+    assert frozenset({forms["xz"]}) not in {
+        frozenset(effects) for effects, _ in simpler(fit, bench.effects, {frozenset({forms["xz"]}): 1.0}, 1040.0)
+    }
+
+
 def test_weak_effects_leave_together(bench) -> None:
     effects = tuple(bench.effect(name) for name in ("viscous_friction", "constant_force", "armature_error"))
     fit = bench.shooting.fit([(effects, tuple(np.array([0.01]) for _ in effects))], bench.nominal.starts)[0]

@@ -132,7 +132,7 @@ def richer(fit: Fit, effects: Sequence[Effect]) -> list[Set]:
 
 
 def simpler(best: Fit, effects: Sequence[Effect], known: Mapping[frozenset[Effect], float], close: float) -> list[Set]:
-    """A set without each of its effects, with a simpler law in place of one that contains it, or another form of it.
+    """A set without each of its effects, with a simpler law in place of one that contains it, or in another form.
 
     Args:
         best: the set.
@@ -140,33 +140,39 @@ def simpler(best: Fit, effects: Sequence[Effect], known: Mapping[frozenset[Effec
         known: chi2 of the sets that were fitted; they are left out.
         close: but a simpler law whose fit is worse than this may have got stuck elsewhere, and is tried from here.
     """
-    out: list[Set] = []
     pairs = list(zip(best.effects, best.values, strict=True))
+    fewer, plain = _other_forms(pairs, effects), []
     for effect, value in pairs:
         others = [(e, v) for e, v in pairs if e is not effect]
-        if others and frozenset(e for e, _ in others) not in known:
-            out.append(_set(others))
-        forms = [e for e in effects if e.key == effect.key and e.stands_in != effect.stands_in]
-        swapped = [_set([*others, (form, form.taking_over(effect, value))]) for form in forms]
-        out += [s for s in swapped if frozenset(s[0]) not in known]
+        fewer += [_set(others), *_other_forms(others, effects)] if others else []
         for law in effects:
             if law.target == effect.target and law.name in effect.covers and law.linear == 1:
-                plain = [*others, (law, np.array([value[: effect.linear].mean()]))]
-                trials = [plain, *([*plain, more] for more in _offset(best, effect, value, effects))]
-                out += [_set(t) for t in trials if known.get(frozenset(e for e, _ in t), np.inf) > close]
-    return out
+                alone = [*others, (law, np.array([value[: effect.linear].mean()]))]
+                plain += [_set([*alone, *more]) for more in ([], *_offset(best, effect, value, effects))]
+    fresh = [some for some in fewer if frozenset(some[0]) not in known]
+    return fresh + [some for some in plain if known.get(frozenset(some[0]), np.inf) > close]
+
+
+def _other_forms(pairs: Sequence[tuple[Effect, Array]], effects: Sequence[Effect]) -> list[Set]:
+    """A set with another form of one of its names: what one form leaves to a second name, another may hold alone."""
+    return [
+        _set([*((e, v) for e, v in pairs if e is not effect), (form, form.taking_over(effect, value))])
+        for effect, value in pairs
+        for form in effects
+        if form.key == effect.key and form.stands_in != effect.stands_in
+    ]
 
 
 def _set(pairs: Sequence[tuple[Effect, Array]]) -> Set:
     return tuple(e for e, _ in pairs), tuple(v for _, v in pairs)
 
 
-def _offset(best: Fit, effect: Effect, value: Array, effects: Sequence[Effect]) -> list[tuple[Effect, Array]]:
+def _offset(best: Fit, effect: Effect, value: Array, effects: Sequence[Effect]) -> list[list[tuple[Effect, Array]]]:
     """What an asymmetric friction has beyond a symmetric one: a constant force."""
     key = ("constant_force", effect.target)
     if effect.name != "asymmetric_friction" or key in best.keys:
         return []
-    return [(e, np.array([-0.5 * float(value[0] - value[1])])) for e in effects if e.key == key]
+    return [[(e, np.array([-0.5 * float(value[0] - value[1])]))] for e in effects if e.key == key]
 
 
 def without_weak(fit: Fit, price: Callable[[Effect], float]) -> Set | None:
