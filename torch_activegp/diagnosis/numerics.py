@@ -21,10 +21,13 @@ from torch_activegp.physics.effect import Effect
 
 _STEP = 0.005
 _STIFF_STEP = 0.001
+_EFFECT_STEP = 0.00125
+"""An effect that is a force is held in each time step: a stop or a play that acts for milliseconds wants short ones."""
 _CLOSE = 30.0
 _ROUGHLY = 0.1
 """Where a fit leaves much more than the noise, an error of so much of what it leaves is close too."""
 _PRICE = 20.0
+_FINEST = 2.0
 _SETTLED = 0.01
 _SAME = 0.02
 _POSES = 300
@@ -89,6 +92,7 @@ class Numerics:
         coarse: the model's own integrator, few steps.
         middle: Runge-Kutta with few steps, where coarse is not close enough; dry friction wants more of them.
         stiff: whether something touches in more than 1 % of the recorded poses, or constraints tie bodies together.
+        finest: fine in shorter steps, for sets with effects that are forces held within a step; None for the same.
     """
 
     given: Engine
@@ -96,6 +100,7 @@ class Numerics:
     coarse: Engine
     middle: Engine
     stiff: bool = False
+    finest: Engine | None = None
 
     @classmethod
     def of(cls, machine: Machine, nthread: int = 0) -> Numerics:
@@ -111,12 +116,14 @@ class Numerics:
         same = model.opt.integrator == _RUNGE_KUTTA and often == plain
         fine = given if same else Engine(model, channels, often, nthread, _RUNGE_KUTTA)
         halfway = max(math.ceil(often / 2), few) if stiff else few
+        short = int(np.ceil(step / _EFFECT_STEP - 1e-6))
         return cls(
             given,
             fine,
             Engine(model, channels, min(seldom, plain), nthread, _cheap(model), stride=stride),
             fine if often == halfway else Engine(model, channels, halfway, nthread, _RUNGE_KUTTA),
             stiff,
+            Engine(model, channels, short, nthread, _RUNGE_KUTTA) if short > often else None,
         )
 
     def choose(
@@ -151,18 +158,24 @@ class Numerics:
                     break
         trials = [*sets[:1], *_without_delays(sets[:1])]
         results = []
-        for engine in dict.fromkeys((self.given, self.fine)):
+        for engine in self._forms(trials[0][0] if trials else ()):
             if known is not None and engine is known[0] and rough is near:
                 working, judged = known[1], near
             else:
                 working, judged = self._working(engine, first, rough)
             others = working.fit(trials[1:], judged.starts, design=judged.design) if len(trials) > 1 else []
             best = min([judged, *others], key=lambda fit: fit.chi2 + _PRICE * fit.size)
-            results.append((best.chi2 + _PRICE * best.size, engine, working, best))
+            price = _PRICE * best.size + (_FINEST if engine is self.finest else 0.0)
+            results.append((best.chi2 + price, engine, working, best))
         _, engine, working, judged = min(results, key=lambda result: result[0])
         if not sets:
             return engine, working, judged, judged
         return engine, working, working.fit([((), ())], nominal.starts, design=nominal.design)[0], judged
+
+    def _forms(self, effects: Sequence[Effect]) -> list[Engine]:
+        """The precise forms that compete behind a set."""
+        held = self.finest is not None and any(effect.needs_steps for effect in effects)
+        return list(dict.fromkeys((self.given, self.fine, *([self.finest] if held and self.finest else []))))
 
     def _working(self, engine: Engine, first: Shooting, rough: Fit) -> tuple[Shooting, Fit]:
         """The cheapest form that stays close to an engine, corrected by it.
