@@ -35,6 +35,8 @@ _TOO_FAR = 400.0
 _GROWTH = 6.0
 _SETTLED = 0.5
 _RIVAL = 20.0
+_NEAR = 6
+_POLISHES = 4
 _ENOUGH = 600.0
 """Chi2 above the noise by which the first names are found, on a part of the data where there is twice as much."""
 
@@ -158,17 +160,24 @@ def _finish(
 
 
 def _polish(shooting: Shooting, selection: Selection) -> None:
-    """The best set once more with all derivatives taken there, and its close rivals from the states that it found."""
-    best = first = selection.best
-    for _ in range(2 if best.effects else 0):
+    """The best set with all derivatives taken there, and its close rivals from the states that it found.
+
+    Sets that nothing tells apart reach the same chi2 only so, and each may show the others the way.
+    """
+    for _ in range(_POLISHES if selection.best.effects else 0):
+        best = selection.best
         again = chained(shooting, shooting.fit([(best.effects, best.values)], best.starts)[0])
-        if not again.chi2 < best.chi2 - _SETTLED or not again.plausible:
+        gained = best.chi2 - again.chi2 if again.plausible else 0.0
+        if gained > _SETTLED:
+            selection.fits = [again if fit is best else fit for fit in selection.fits]
+            best = again
+        reach = selection.score(best) + _RIVAL + 2.0 * max(gained, 0.0) / selection.score.scale
+        near = [fit for fit in selection.ranked()[:_NEAR] if fit is not best and selection.score(fit) < reach]
+        if near:
+            sets = [(fit.effects, fit.values) for fit in near]
+            selection.add(shooting.fit(sets, best.starts, design=best.design))
+        if gained <= _SETTLED and selection.score(selection.best) > selection.score(best) - _SETTLED:
             break
-        selection.fits = [again if fit is best else fit for fit in selection.fits]
-        best = again
-    near = [fit for fit in selection.ranked()[1:4] if selection.score(fit) < selection.score(first) + _RIVAL]
-    if best is not first and near:
-        selection.fits += shooting.fit([(fit.effects, fit.values) for fit in near], best.starts, design=best.design)
 
 
 def _leaders(selection: Selection) -> Sets:
