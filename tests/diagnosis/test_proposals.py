@@ -7,12 +7,13 @@ import numpy as np
 import pytest
 
 from torch_activegp.diagnosis.proposals import (
-    also_little,
+    also_from,
     companies,
     diverse,
     join,
     richer,
     simpler,
+    with_values,
     without_weak,
 )
 from torch_activegp.diagnosis.screening import screen
@@ -112,12 +113,35 @@ def test_friction_that_can_hold_a_joint_is_also_tried_small(bench) -> None:
     atoms = screen(bench.shooting, bench.nominal, bench.effects).best()
     dry = next(a for a in atoms if a.effect.name == "stribeck_friction")
     spring = next(a for a in atoms if a.effect.name == "linear_spring")
-    assert also_little((spring,)) == [(spring,)]
-    full, less = also_little((dry, spring))
+    assert also_from((spring,)) == [(spring,)]
+    full, less = also_from((dry, spring))
     assert full == (dry, spring)
     np.testing.assert_allclose(less[0].values[:2], 0.15 * dry.values[:2])
     assert less[0].values[2] == dry.values[2]
-    assert less[1] is spring
+    np.testing.assert_array_equal(less[1].values, spring.values)
+
+
+def test_a_stop_is_also_tried_with_more_damping(bench) -> None:
+    stop, spring = bench.effect("joint_stop"), bench.effect("linear_spring")
+    screened = screen(bench.shooting, bench.nominal, [stop, spring]).best()
+    values = [np.array([100.0, 0.1, 0.4]) if a.effect is stop else np.array([0.1, 0.0]) for a in screened]
+    atoms = sorted(with_values(screened, values), key=lambda a: a.effect is spring)
+    dampings = [some[0].values[1] for some in also_from(atoms)]
+    np.testing.assert_allclose(dampings, [0.1, np.sqrt(100 * 0.33), 2 * np.sqrt(100 * 0.33)], rtol=1e-6)
+    assert all(some[1].values[0] == 0.1 for some in also_from(atoms))
+
+
+def test_friction_and_a_constant_push_are_one_asymmetric_friction(bench) -> None:
+    rich = next(e for e in bench.effects if e.name == "asymmetric_friction" and "coulomb_friction" in e.covers)
+    dry, spring = bench.effect("coulomb_friction"), bench.effect("linear_spring")
+    for push in (bench.effect("constant_force"), bench.effect("actuator_bias", "actuator:drive")):
+        values = (np.array([0.2]), np.array([0.1]), np.array([0.3, 0.0]))
+        fit = dataclasses.replace(bench.nominal, effects=(dry, push, spring), values=values, chi2=1000.0)
+        found = {
+            frozenset(effects): dict(zip(effects, vs, strict=True))
+            for effects, vs in simpler(fit, bench.effects, {}, 1e3)
+        }
+        np.testing.assert_allclose(found[frozenset({rich, spring})][rich], [0.2, 0.2])
 
 
 def test_effects_that_hide_each_other_are_seen_together() -> None:

@@ -20,8 +20,7 @@ MOST = 6
 _BEAM = 6
 _BEST = 2
 _START = 0.15
-_LITTLE = 0.15
-_HOLDING = frozenset({"coulomb_friction", "stribeck_friction", "asymmetric_friction"})
+_TWO_SIDED = "asymmetric_friction"
 
 
 def diverse(atoms: Sequence[Atom], most: int = MOST) -> list[Atom]:
@@ -81,20 +80,14 @@ def with_values(atoms: Sequence[Atom], values: Sequence[Array]) -> list[Atom]:
     return [dataclasses.replace(a, values=v) for a, v in zip(atoms, values, strict=True)]
 
 
-def also_little(atoms: Sequence[Atom]) -> list[Sequence[Atom]]:
-    """The atoms, and where one of them can hold a joint, the same with a little of it.
-
-    Too much dry friction holds the joint and no derivative shows the way back; too little of it is only slow.
-    """
-    if not any(atom.effect.name in _HOLDING for atom in atoms):
-        return [atoms]
-    less = [
-        dataclasses.replace(a, values=np.where(np.arange(len(a.values)) < a.effect.linear, _LITTLE, 1.0) * a.values)
-        if a.effect.name in _HOLDING
-        else a
-        for a in atoms
-    ]
-    return [atoms, less]
+def also_from(atoms: Sequence[Atom]) -> list[Sequence[Atom]]:
+    """The atoms, and the same with other values where first-order ones may lead nowhere."""
+    out: list[Sequence[Atom]] = [atoms]
+    others = [atom.effect.starts_beside(atom.values) for atom in atoms]
+    for number in range(max(map(len, others), default=0)):
+        values = [more[min(number, len(more) - 1)] if more else a.values for a, more in zip(atoms, others, strict=True)]
+        out.append(with_values(atoms, values))
+    return out
 
 
 def join(fit: Fit, atoms: Iterable[Atom]) -> Set:
@@ -149,6 +142,7 @@ def simpler(best: Fit, effects: Sequence[Effect], known: Mapping[frozenset[Effec
             if law.target == effect.target and law.name in effect.covers and law.linear == 1:
                 alone = [*others, (law, np.array([value[: effect.linear].mean()]))]
                 plain += [_set([*alone, *more]) for more in ([], *_offset(best, effect, value, effects))]
+    plain += _merged(pairs, effects)
     fresh = [some for some in fewer if frozenset(some[0]) not in known]
     return fresh + [some for some in plain if known.get(frozenset(some[0]), np.inf) > close]
 
@@ -163,6 +157,19 @@ def _other_forms(pairs: Sequence[tuple[Effect, Array]], effects: Sequence[Effect
     ]
 
 
+def _merged(pairs: Sequence[tuple[Effect, Array]], effects: Sequence[Effect]) -> list[Set]:
+    """A set with an asymmetric friction in place of a symmetric one and something constant: one name instead of two."""
+    out: list[Set] = []
+    for dry, level in pairs:
+        for push, _ in pairs:
+            pushes = push.name == "actuator_bias" or push.key == ("constant_force", dry.target)
+            if dry.name == "coulomb_friction" and pushes:
+                others = [(e, v) for e, v in pairs if e is not dry and e is not push]
+                laws = [e for e in effects if e.target == dry.target and dry.name in e.covers and e.name == _TWO_SIDED]
+                out += [_set([*others, (law, np.repeat(level, 2))]) for law in laws]
+    return out
+
+
 def _set(pairs: Sequence[tuple[Effect, Array]]) -> Set:
     return tuple(e for e, _ in pairs), tuple(v for _, v in pairs)
 
@@ -170,7 +177,7 @@ def _set(pairs: Sequence[tuple[Effect, Array]]) -> Set:
 def _offset(best: Fit, effect: Effect, value: Array, effects: Sequence[Effect]) -> list[list[tuple[Effect, Array]]]:
     """What an asymmetric friction has beyond a symmetric one: a constant force."""
     key = ("constant_force", effect.target)
-    if effect.name != "asymmetric_friction" or key in best.keys:
+    if effect.name != _TWO_SIDED or key in best.keys:
         return []
     return [[(e, np.array([-0.5 * float(value[0] - value[1])]))] for e in effects if e.key == key]
 

@@ -14,7 +14,7 @@ from torch_activegp.diagnosis.heats import PART, heat, near
 from torch_activegp.diagnosis.proposals import (
     MOST,
     Set,
-    also_little,
+    also_from,
     companies,
     diverse,
     join,
@@ -171,7 +171,7 @@ def _proposals(selection: Selection, fit: Fit, screened: Screen) -> list[Set]:
             free = frozenset(atom.effect.key for atom in screened.atoms if atom.effect.tunable)
             selection.score = dataclasses.replace(selection.score, free=free)
         chosen += hidden
-    return [join(fit, some) for atoms in chosen for some in also_little(atoms)]
+    return [join(fit, some) for atoms in chosen for some in also_from(atoms)]
 
 
 def _simplify(selection: Selection, shooting: Shooting, effects: Sequence[Effect]) -> None:

@@ -138,6 +138,10 @@ class Effect:
         """
         return None
 
+    def starts_beside(self, values: Array) -> list[Array]:
+        """Further values ``(P,)`` worth starting a fit from, where first-order values ``(P,)`` may lead nowhere."""
+        return []
+
     def taking_over(self, other: Effect, values: Array) -> Array:
         """Values ``(P,)`` with which this form of a name begins in place of another form with some values.
 

@@ -17,6 +17,7 @@ SHARP = 2.0
 IMPEDANCE = (0.99, 0.999)
 _BRISTLES = 0.5
 _LITTLE = 0.1
+_A_LITTLE = 0.15
 _STEEPEST = 4.0
 """Static friction beyond what slides, over what slides, at most; machines show 0.1 to 2."""
 
@@ -31,6 +32,14 @@ def write_sharp(joint: mujoco.MjsJoint, timestep: float) -> None:
     """Writes ``solreffriction`` and ``solimpfriction`` for dry friction that sticks firmly."""
     joint.solref_friction = np.array([SHARP * timestep, 1.0])
     joint.solimp_friction = np.array([*IMPEDANCE, *joint.solimp_friction[2:]])
+
+
+class DryFriction(JointEffect):
+    """Base of the frictions that can hold a joint: too much of it does, and no derivative shows the way back."""
+
+    def starts_beside(self, values: Array) -> list[Array]:
+        """The same with a little of it."""
+        return [np.where(np.arange(len(values)) < self.linear, _A_LITTLE, 1.0) * values]
 
 
 class ViscousFriction(JointEffect):
@@ -94,7 +103,7 @@ class QuadraticDrag(JointEffect):
         return True
 
 
-class CoulombFriction(JointEffect):
+class CoulombFriction(DryFriction):
     """-F sign(v), with sticking: MJCF's ``joint frictionloss``."""
 
     name = "coulomb_friction"
@@ -135,7 +144,7 @@ class CoulombFriction(JointEffect):
         joint.frictionloss = max(joint.frictionloss + float(values[0]), 0.0)
 
 
-class StribeckFriction(JointEffect):
+class StribeckFriction(DryFriction):
     """-(F + (S - F) exp(-(v / w)^2)) sign(v), sticking: Coulomb friction, and a static excess that falls with speed.
 
     The amplitudes are the Coulomb level F and the excess S - F; w is the Stribeck velocity.
@@ -233,7 +242,7 @@ class AsymmetricFriction(JointEffect):
         step.force[rows, self.dof] -= 0.5 * (values[:, 0] - values[:, 1]) * speed
 
 
-class AsymmetricCoulomb(JointEffect):
+class AsymmetricCoulomb(DryFriction):
     """-F+ for v > 0 and +F- for v < 0, with sticking: dry friction that depends on the direction.
 
     The same as Coulomb friction of the mean of both, and a constant force of half the difference.

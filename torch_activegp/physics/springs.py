@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+import dataclasses
 from collections.abc import Sequence
-from typing import Self
+from typing import ClassVar, Self
 
 import mujoco
 import numpy as np
@@ -140,12 +141,18 @@ def _write_spring(effect: JointEffect, spec: mujoco.MjSpec, stiffness: float, pr
     return True
 
 
+@dataclasses.dataclass(frozen=True, eq=False)
 class JointStop(JointEffect):
-    """A one-sided spring and damper past a position: max(0, k p + d v) against the penetration p."""
+    """A one-sided spring and damper past a position: max(0, k p + d v) against the penetration p.
+
+    Args:
+        inertia: of the joint in the nominal model, kg m2 or kg.
+    """
 
     name = "joint_stop"
     law = "-max(0, k p + d v) past the stop, p the penetration"
-    side: float = 1.0
+    inertia: float = 1.0
+    side: ClassVar[float] = 1.0
 
     @classmethod
     def at(cls, place: Place, model: mujoco.MjModel) -> Self:
@@ -162,7 +169,15 @@ class JointStop(JointEffect):
         )
         places = high - width * np.geomspace(0.01, 0.45, _STOP_PLACES)
         seeds = [[stiffness, 0.1 * place.force / place.speed, position] for position in places]
-        return cls.make(place, parameters, seeds, linear=2, variant="upper" if cls.side > 0 else "lower")
+        inertia = 1.0 / max(float(model.dof_invweight0[place.index]), 1e-12)
+        return cls.make(
+            place, parameters, seeds, linear=2, variant="upper" if cls.side > 0 else "lower", inertia=inertia
+        )
+
+    def starts_beside(self, values: Array) -> list[Array]:
+        """The same stiffness with half the critical damping, and all of it: a hard stop takes the bounce away."""
+        half = np.sqrt(np.maximum(values[0], 0.0) * self.inertia)
+        return [np.array([values[0], damping, values[2]]) for damping in (half, 2.0 * half)]
 
     def force(self, position: Array, velocity: Array, values: Sequence[Array] | Array) -> Array:
         """The law; see :meth:`JointEffect.force`."""
@@ -204,7 +219,7 @@ class JointStop(JointEffect):
 class LowerJointStop(JointStop):
     """The same at the lower end of the range."""
 
-    side = -1.0
+    side: ClassVar[float] = -1.0
 
 
 class Cogging(JointEffect):
