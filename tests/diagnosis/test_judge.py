@@ -83,8 +83,10 @@ def test_as_many_names_as_are_tried_must_explain_nearly_all(bench, monkeypatch) 
     judged = judge(bench.shooting, selection(bench, half))
     assert judged.verdict == "named"
     assert 0.04 < judged.unexplained < 0.15
-    monkeypatch.setattr("torch_activegp.diagnosis.judge.MAX_EFFECTS", 1)
-    assert judge(bench.shooting, selection(bench, half)).verdict == "unknown"
+    for most, left in ((1, 0.04), (0, 1.0)):
+        monkeypatch.setattr("torch_activegp.diagnosis.judge.MAX_EFFECTS", most)
+        monkeypatch.setattr("torch_activegp.diagnosis.judge.CROWDED", left)
+        assert judge(bench.shooting, selection(bench, half)).verdict == "unknown"
 
 
 @pytest.mark.parametrize(("visible", "verdict"), [(1e-3, "unknown"), (1e3, "named")])

@@ -26,7 +26,7 @@ INADEQUATE = 0.15
 SEEN = 0.08
 """The same where what is left is large against the noise too. Sets with the right names leave up to 0.04."""
 CROWDED = 0.04
-"""The same where as many names as are tried leave it: what is missing is not on the list."""
+"""The same where as many names as are tried leave it, and none of it may be left where there are more."""
 SURE = 1e-5
 DOUBT = 0.01
 VISIBLE = 0.3
@@ -128,7 +128,7 @@ def judge(shooting: Shooting, selection: Selection) -> Judgement:
     probabilities = tuple(_probability(rivals, effect) for effect in order)
     ties = tuple(_ties(rivals, best, effect) for effect in order)
     p_value = min(before.p_value, float(stats.chi2.sf(gain / score.scale, best.size)) * score.names)
-    crowded = len(order) >= MAX_EFFECTS and unexplained > CROWDED
+    crowded = len(order) > MAX_EFFECTS or (len(order) == MAX_EFFECTS and unexplained > CROWDED)
     most = SEEN if _visible(shooting, after) else INADEQUATE
     if after.p_value < DOUBT and (unexplained > most or crowded):
         verdict = "unknown" if crowded or _visible(shooting, before) else "none"

@@ -11,6 +11,7 @@ from torch_activegp.diagnosis.elimination import invert
 from torch_activegp.diagnosis.fit import Fit
 from torch_activegp.diagnosis.runs import Array
 from torch_activegp.diagnosis.screening import Atom
+from torch_activegp.physics.actuation import ActuatorBias
 from torch_activegp.physics.effect import Effect
 
 Set = tuple[tuple[Effect, ...], tuple[Array, ...]]
@@ -161,13 +162,22 @@ def _merged(pairs: Sequence[tuple[Effect, Array]], effects: Sequence[Effect]) ->
     """A set with an asymmetric friction in place of a symmetric one and something constant: one name instead of two."""
     out: list[Set] = []
     for dry, level in pairs:
-        for push, _ in pairs:
-            pushes = push.name == "actuator_bias" or push.key == ("constant_force", dry.target)
-            if dry.name == "coulomb_friction" and pushes:
+        for push, value in pairs:
+            force = _push(push, value, dry.target)
+            if dry.name == "coulomb_friction" and force:
                 others = [(e, v) for e, v in pairs if e is not dry and e is not push]
                 laws = [e for e in effects if e.target == dry.target and dry.name in e.covers and e.name == _TWO_SIDED]
-                out += [_set([*others, (law, np.repeat(level, 2))]) for law in laws]
+                out += [_set([*others, (law, np.array([level[0] - force, level[0] + force]))]) for law in laws]
     return out
+
+
+def _push(effect: Effect, value: Array, target: str) -> float:
+    """The constant force of an effect on a joint."""
+    if effect.key == ("constant_force", target):
+        return float(value[0])
+    if isinstance(effect, ActuatorBias) and effect.drives == target:
+        return float(value[0]) * effect.nominal_gain * effect.gear
+    return 0.0
 
 
 def _set(pairs: Sequence[tuple[Effect, Array]]) -> Set:

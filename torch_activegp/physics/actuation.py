@@ -20,10 +20,14 @@ class ActuatorEffect(Effect):
     Args:
         index: which control.
         nominal_gain: the model's own factor from control to force.
+        drives: the joint that it acts on directly, ``joint:`` and its name, or nothing.
+        gear: from its force to the joint's.
     """
 
     index: int = 0
     nominal_gain: float = 1.0
+    drives: str = ""
+    gear: float = 1.0
 
     order: ClassVar[int] = 0
     """Place in the chain from the command to the force, for several effects on one actuator."""
@@ -34,9 +38,19 @@ class ActuatorEffect(Effect):
     ) -> Self:
         """Makes the effect for an actuator."""
         fed = (model.actuator_ctrladr == place.index) & (model.actuator_ctrlnum > 0)
-        gain = float(model.actuator_gainprm[np.flatnonzero(fed)[0], 0])
-        table = np.array(seeds, dtype=float)[:, None]
-        return cls(place.target, (parameter,), table, linear=linear, index=place.index, nominal_gain=gain)
+        actuator = int(np.flatnonzero(fed)[0])
+        joint, kind = int(model.actuator_trnid[actuator, 0]), int(model.actuator_trntype[actuator])
+        direct = kind in (int(mujoco.mjtTrn.mjTRN_JOINT), int(mujoco.mjtTrn.mjTRN_JOINTINPARENT))
+        return cls(
+            place.target,
+            (parameter,),
+            np.array(seeds, dtype=float)[:, None],
+            linear=linear,
+            index=place.index,
+            nominal_gain=float(model.actuator_gainprm[actuator, 0]),
+            drives=f"joint:{model.joint(joint).name or f'joint{joint}'}" if direct else "",
+            gear=float(model.actuator_gear[actuator, 0]),
+        )
 
     def actuator(self, spec: mujoco.MjSpec) -> mujoco.MjsActuator:
         """The actuator in a model that is being edited."""
