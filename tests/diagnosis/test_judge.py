@@ -108,8 +108,8 @@ def test_much_of_the_rest_is_named_however_little_of_the_whole(bench) -> None:
     effects = (bench.effect("constant_force"), bench.effect("viscous_friction"))
     both = bench.shooting.fit([(effects, (np.array([0.0]), np.array([0.05])))], bench.nominal.starts)[0]
     nominal = dataclasses.replace(bench.nominal, chi2=1e9)
-    one = dataclasses.replace(bench.fit("viscous_friction", 0.05), chi2=2.0 * both.chi2)
-    other = dataclasses.replace(bench.fit("constant_force", 0.01), chi2=3.0 * both.chi2)
+    one = dataclasses.replace(bench.fit("viscous_friction", 0.05), chi2=4.0 * both.chi2)
+    other = dataclasses.replace(bench.fit("constant_force", 0.01), chi2=5.0 * both.chi2)
     names = {}
     for scale in (1.0, 5.0):
         score = Score(bench.shooting.samples, 20, scale, 1e9 if scale > 1 else 1e3)

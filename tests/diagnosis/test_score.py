@@ -39,6 +39,6 @@ def test_a_runaway_nominal_does_not_make_all_else_small(bench) -> None:
     adequate = Score(samples=1000, names=30, scale=1.0, mismatch=1e9)
     left = dataclasses.replace(adequate, scale=50.0)
     assert adequate.price([effect]) == pytest.approx(0.006 * 1e9)
-    assert left.price([effect]) == pytest.approx(0.1 * 1000)
-    assert dataclasses.replace(left, mismatch=1e6).price([effect]) == pytest.approx(0.1 * 1000)
+    assert left.price([effect]) == pytest.approx(1000 / 3)
+    assert dataclasses.replace(left, mismatch=1e7).price([effect]) == pytest.approx(1000 / 3)
     assert dataclasses.replace(left, mismatch=5e5).price([effect]) == pytest.approx(0.006 * 5e5 / 50)

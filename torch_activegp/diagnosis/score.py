@@ -12,7 +12,7 @@ from torch_activegp.physics.effect import Effect
 SLACK = 8.0
 MATERIAL = 0.006
 """An effect that explains less of the mismatch than this is not named: simulators differ by that much."""
-OF_THE_REST = 0.1
+OF_THE_REST = 1 / 3
 """The same part of what is left, where that is not noise."""
 _INADEQUATE = 4.0
 _LENIENT = 0.3
