@@ -160,7 +160,7 @@ def test_the_sentence_comes_first_then_effects_ties_errors_and_files(run: Run, f
         "│ actuator_gain │ 7 % │ 52 % │ gain 0.83 │",
         "periods 1 7.00 1/turn (6.90 to",
         "Tie: actuator_gain at actuator:push cannot be told from payload_mass at body:cart by these recordings.",
-        "Fitted along, for a modeller tunes it anyway: armature_error at joint:slide.",
+        "Fitted along and not named: armature_error at joint:slide.",
         "Each recording left out in turn: 2 of 2.",
         "Not explained: 2 % of the mismatch.",
         "one step │ 0.2 │ 0.02 │ 0.019",

@@ -11,7 +11,7 @@ from torch_activegp.diagnosis.fingerprint import _code_of, _word, fingerprint
 from torch_activegp.diagnosis.machine import make_machine
 from torch_activegp.diagnosis.places import effects_for
 from torch_activegp.diagnosis.source import read_source
-from torch_activegp.physics.friction import ViscousFriction
+from torch_activegp.physics.drag import ViscousFriction
 
 
 @pytest.fixture(scope="module")
@@ -60,7 +60,7 @@ def test_a_users_class_is_known_by_its_source(parts, tmp_path, monkeypatch) -> N
     def word(factor: int) -> str:
         module = f"law_{factor}"
         (tmp_path / f"{module}.py").write_text(
-            "from torch_activegp.physics.friction import ViscousFriction\n"
+            "from torch_activegp.physics.drag import ViscousFriction\n"
             "class Law(ViscousFriction):\n    name = 'law'\n"
             f"    def force(self, q, v, c): return -{factor} * c[0] * v\n"
         )
@@ -79,7 +79,7 @@ def test_a_users_class_is_known_by_the_files_of_those_above_it_and_by_its_own_fi
 
     def made(name: str, factor: int):
         (tmp_path / f"{name}_base.py").write_text(
-            "from torch_activegp.physics.friction import ViscousFriction\n"
+            "from torch_activegp.physics.drag import ViscousFriction\n"
             f"FACTOR = {factor}\n"
             "class Base(ViscousFriction):\n    def force(self, q, v, c): return -FACTOR * c[0] * v\n"
         )

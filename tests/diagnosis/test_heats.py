@@ -37,6 +37,6 @@ def test_what_costs_no_more_than_the_fit_passes(bench, sets) -> None:
 def test_nearness_is_judged_by_the_part(bench, sets) -> None:
     part, which = bench.shooting.subset(0.5, bench.nominal.per_segment)
     here = bench.nominal.pick(which)
-    assert names(near(part, sets, here, -20.0)) == [WET]
-    assert names(near(part, sets, here, 20.0)) == [WET, LOAD]
-    assert names(near(part, sets, here, lambda effects: 20.0 if effects[0].name == LOAD else -1e9)) == [LOAD]
+    assert names(near(part, sets, here, [-20.0, -20.0])) == [WET]
+    assert names(near(part, sets, here, [20.0, 20.0])) == [WET, LOAD]
+    assert names(near(part, sets, here, [-1e9, 20.0])) == [LOAD]

@@ -142,6 +142,8 @@ def test_friction_and_a_constant_push_are_one_asymmetric_friction(bench) -> None
             for effects, vs in simpler(fit, bench.effects, {}, 1e3)
         }
         np.testing.assert_allclose(found[frozenset({rich, spring})][rich], [0.1, 0.3])
+        weak = dataclasses.replace(fit, values=(np.array([0.05]), *values[1:]))  # would push in one direction
+        assert frozenset({rich, spring}) not in {frozenset(e) for e, _ in simpler(weak, bench.effects, {}, 1e3)}
 
 
 def test_effects_that_hide_each_other_are_seen_together() -> None:

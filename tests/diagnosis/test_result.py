@@ -42,9 +42,7 @@ def test_in_words(result) -> None:
 def test_what_was_fitted_along_is_said(result) -> None:
     along = [{"name": "viscous_friction", "target": "joint:knee", "parameters": {}}]
     found = dataclasses.replace(result, details={**result.details, "retuned": along})
-    assert (
-        str(found).splitlines()[-1] == "  fitted along, for a modeller tunes it anyway: viscous_friction at joint:knee"
-    )
+    assert str(found).splitlines()[-1] == "  fitted along and not named: viscous_friction at joint:knee"
 
 
 def test_as_a_dictionary(result) -> None:

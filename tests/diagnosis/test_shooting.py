@@ -86,6 +86,16 @@ def test_a_subset_is_a_likelihood_of_its_own(bench) -> None:
     np.testing.assert_allclose(fit.per_segment, bench.nominal.per_segment[which], rtol=0.01)
 
 
+def test_a_subset_holds_the_worst_segments_and_no_segment_twice(bench) -> None:
+    first = np.arange(bench.segments.size, dtype=float)[::-1]
+    part, which = bench.shooting.subset(0.8, first)
+    count = int(np.ceil(0.8 * bench.segments.size))
+    assert len(set(which)) == part.segments.size == count
+    assert set(range(count // 2)) <= set(which)
+    whole, every = bench.shooting.subset(1.0, first)
+    assert whole.segments.size == bench.segments.size == len(every)
+
+
 def test_a_hopeless_set_is_given_up_in_a_race(bench) -> None:
     names = (
         "viscous_friction",

@@ -15,7 +15,7 @@ from torch_activegp.errors import ConfigurationError
 from torch_activegp.physics import Effect, Place, catalogue
 from torch_activegp.physics.actuation import ActuatorGain
 from torch_activegp.physics.catalogue import body_effects, farthest_point
-from torch_activegp.physics.friction import ViscousFriction
+from torch_activegp.physics.drag import ViscousFriction
 from torch_activegp.physics.joint import JointEffect
 from torch_activegp.physics.sensing import SensorBias
 

@@ -26,7 +26,7 @@ def effects(model: mujoco.MjModel) -> list[tuple[Any, list[float]]]:
         (payload(model, (0.1, 0.05, -0.08)), [0.3]),
         (payload(model), [-0.1]),
         (DensityError.at(FORE, model), [0.2]),
-        (PayloadAlong.at(FORE, model, REACH), [0.3, 0.08]),
+        (PayloadAlong.towards(FORE, model, REACH), [0.3, 0.08]),
         (PayloadAside.within(FORE, model, REACH, (0, 2)), [0.3, 0.08, -0.05]),
     ]
 
@@ -73,7 +73,7 @@ def test_a_missing_mass_leaves_some_inertia(bench: Any) -> None:
 
 def test_another_form_begins_where_the_first_one_stands(bench: Any) -> None:
     center, end = payload(bench.model, (0.0, 0.0, 0.0)), payload(bench.model)
-    along = PayloadAlong.at(FORE, bench.model, (0.15, 0.0, 0.0))
+    along = PayloadAlong.towards(FORE, bench.model, REACH)
     np.testing.assert_allclose(along.taking_over(center, np.array([0.2])), [0.2, 0.075])
     np.testing.assert_allclose(along.taking_over(end, np.array([0.2])), [0.2, 0.15])
     aside = PayloadAside.within(FORE, bench.model, REACH, (0, 2))
@@ -89,7 +89,7 @@ def test_a_load_beside_the_body_is_one_at_that_point(bench: Any) -> None:
 
 
 def test_a_load_along_the_body_is_one_at_either_end_of_it(bench: Any) -> None:
-    along = PayloadAlong.at(FORE, bench.model, (0.15, 0.0, 0.0))
+    along = PayloadAlong.towards(FORE, bench.model, REACH)
     for offset in ((0.0, 0.0, 0.0), (0.15, 0.0, 0.0), (0.075, 0.0, 0.0)):
         at = bench.hooks(payload(bench.model, offset), [0.3])
         np.testing.assert_allclose(bench.hooks(along, [0.3, offset[0]]), at, atol=1e-12)

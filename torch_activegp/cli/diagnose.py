@@ -164,7 +164,7 @@ def _show_effects(found: Values) -> None:
             _say(f"Tie: {_named(effect)} cannot be told from {rivals} by these recordings.")
     along = found.get("retuned") or []
     if along:
-        _say(f"Fitted along, for a modeller tunes it anyway: {listed(map(_named, along))}.")
+        _say(f"Fitted along and not named: {listed(map(_named, along))}.")
     stable = found.get("stability")
     if stable:
         _say(stable["sentence"])

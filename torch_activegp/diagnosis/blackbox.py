@@ -19,6 +19,7 @@ from torch_activegp.physics.actuation import ActuatorEffect
 from torch_activegp.physics.inertia import ArmatureError
 from torch_activegp.physics.joint import JointEffect
 from torch_activegp.physics.sensing import SensorEffect
+from torch_activegp.physics.soft_friction import SoftCoulombFriction
 from torch_activegp.simulators import Simulator
 from torch_activegp.simulators.load import USER_FAULTS
 
@@ -178,13 +179,14 @@ def accelerations(effects: Sequence[Effect]) -> list[Effect]:
     motor and its joint.
     """
     kept = [e for e in effects if isinstance(e, (JointEffect, ActuatorEffect, SensorEffect))]
+    kept = [dataclasses.replace(e, drives="") if isinstance(e, ActuatorEffect) else e for e in kept]
     return [
         dataclasses.replace(
             effect,
             parameters=tuple(dataclasses.replace(p, unit=_UNITS.get(p.unit, p.unit)) for p in effect.parameters),
         )
         for effect in kept
-        if not isinstance(effect, ArmatureError)
+        if not isinstance(effect, (ArmatureError, SoftCoulombFriction))
     ]
 
 

@@ -46,6 +46,11 @@ class Selection:
             seen.setdefault(fit.keys, fit)
         return list(seen.values())
 
+    def of(self, effects: Sequence[Effect]) -> Fit | None:
+        """The best fit of a set, or None where it was not fitted."""
+        same = [fit for fit in self.fits if frozenset(fit.effects) == frozenset(effects)]
+        return min(same, key=lambda fit: fit.chi2, default=None)
+
     def rescale(self, dof: int) -> None:
         """The noise is what the best fit leaves, and never less than the noise model says."""
         left = min(fit.chi2 / max(dof - fit.size, 1) for fit in self.fits if fit.plausible)
@@ -60,11 +65,9 @@ def fitted(shooting: Shooting, selection: Selection, effects: Sequence[Effect]) 
     A set contains the nominal. One that fits worse was given up in a race, or got stuck, and is fitted from there.
     """
     best, nominal = selection.best, selection.nominal
-    known = [fit for fit in selection.fits if frozenset(fit.effects) == frozenset(effects)]
+    fit = selection.of(effects)
     values = dict(zip(best.effects, best.values, strict=True))
-    if known:
-        fit = min(known, key=lambda fit: fit.chi2)
-    else:
+    if fit is None:
         start = (tuple(effects), tuple(values[effect] for effect in effects))
         fit = shooting.fit([start], best.starts, design=best.design)[0]
     if fit.chi2 > nominal.chi2 and all(effect.linear or effect.tunable for effect in effects):
@@ -84,10 +87,10 @@ def without_each(selection: Selection, shooting: Shooting) -> list[tuple[Effect,
     best = selection.best
     named = [effect for effect in best.effects if effect.key not in selection.score.free]
     rests = {effect: [e for e in best.effects if e is not effect] for effect in named}
-    known = {frozenset(fit.effects): fit for fit in selection.fits}
     values = dict(zip(best.effects, best.values, strict=True))
-    unknown = [rest for rest in rests.values() if frozenset(rest) not in known]
+    unknown = [rest for rest in rests.values() if selection.of(rest) is None]
     if unknown:
         sets = [(rest, [values[e] for e in rest]) for rest in unknown]
-        known |= {frozenset(f.effects): f for f in selection.add(shooting.fit(sets, best.starts, design=best.design))}
-    return [(effect, known[key]) for effect, rest in rests.items() if (key := frozenset(rest)) in known]
+        selection.add(shooting.fit(sets, best.starts, design=best.design))
+    smaller = [(effect, selection.of(rest)) for effect, rest in rests.items()]
+    return [(effect, fit) for effect, fit in smaller if fit is not None]

@@ -34,13 +34,13 @@ def corrected_xml(
         return None, [None] * len(effects), None
     before = spec.to_xml()
     edited = spec.copy()
+    if numerics is not None:  # first: the softness of dry friction and the shortest delay are those of its time step
+        edited.option.integrator, edited.option.timestep = numerics
     held: list[bool | None] = [
         effect.write(edited, np.asarray(value)) for effect, value in zip(effects, values, strict=True)
     ]
     if effects and not any(held):
         return None, held, None
-    if numerics is not None:
-        edited.option.integrator, edited.option.timestep = numerics
     try:
         edited.compile()
     except ValueError:

@@ -207,8 +207,9 @@ def _named(explanation: Explanation, judgement: Judgement, held: dict[Any, bool 
 
 
 def _retuned(explanation: Explanation, judgement: Judgement) -> list[dict[str, Any]]:
+    """What goes into the correction without a name."""
     out = []
-    for effect in judgement.retuned:
+    for effect in judgement.retuned if judgement.verdict in ("named", "tie") else ():
         values = estimates(explanation.shooting, judgement.fit, effect)
         parameters = {k: {"value": e.value, "unit": e.unit, "ci95": list(e.ci95)} for k, e in values.items()}
         out.append({"name": effect.name, "target": effect.target, "parameters": parameters})

@@ -176,6 +176,7 @@ def _polish(shooting: Shooting, selection: Selection) -> None:
         if near:
             sets = [(fit.effects, fit.values) for fit in near]
             selection.add(shooting.fit(sets, best.starts, design=best.design))
+        selection.rescale(shooting.dof)
         if gained <= _SETTLED and selection.score(selection.best) > selection.score(best) - _SETTLED:
             break
 

@@ -83,6 +83,7 @@ class Problem:
         self._trial_starts = starts.copy()
         self._low = np.array([p.low for e in effects for p in e.parameters])
         self._high = np.array([p.high for e in effects for p in e.parameters])
+        self._trial = np.clip(self._trial, self._low, self._high)
         self._scale = np.array([p.scale for e in effects for p in e.parameters])
         self._damping = _FIRST_DAMPING
         self._best: dict[str, Array | float] | None = None

@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 
 from torch_activegp.diagnosis.fit import Fit
 from torch_activegp.diagnosis.proposals import Set
 from torch_activegp.diagnosis.score import Score
 from torch_activegp.diagnosis.shooting import Shooting
-from torch_activegp.physics.effect import Effect
 
 PART = 0.2
 """Least share of the segments."""
@@ -21,8 +20,8 @@ _LENIENT = 0.3
 def heat(shooting: Shooting, sets: Sequence[Set], fit: Fit, score: Score) -> list[Set]:
     """Those of some sets that gain on a part of the data about what they must gain on all of it.
 
-    The part holds the segments that the fit explains worst. Where little is missing all data are needed to see it, and
-    all sets pass.
+    Half of the part are the segments that the fit explains worst. Where little is missing all data are needed to see
+    it, and all sets pass.
 
     Args:
         shooting: the likelihood.
@@ -34,23 +33,20 @@ def heat(shooting: Shooting, sets: Sequence[Set], fit: Fit, score: Score) -> lis
         The sets, with the parameters found on the part.
     """
     paid = score.price(fit.effects)
-    prices = [score.price(effects) - paid for effects, _ in sets]
-    dear = [some for some, price in zip(sets, prices, strict=True) if price > _CLEAR]
-    share = max(_CLEAR / max(min((p for p in prices if p > _CLEAR), default=_CLEAR), _CLEAR), PART)
+    priced = [(some, score.price(some[0]) - paid) for some in sets]
+    dear = [(some, price) for some, price in priced if price > _CLEAR]
+    if not dear:
+        return list(sets)
+    share = max(_CLEAR / min(price for _, price in dear), PART)
     part, which = shooting.subset(share, fit.per_segment)
-    if not dear or part.segments.size == shooting.segments.size:
+    if part.segments.size == shooting.segments.size:
         return list(sets)
     least = _LENIENT * part.segments.size / shooting.segments.size * score.scale
-    bars = {frozenset(effects): -least * (score.price(effects) - paid) for effects, _ in dear}
-    passed = near(part, dear, fit.pick(which), lambda effects: bars[frozenset(effects)])
-    return [some for some, price in zip(sets, prices, strict=True) if price <= _CLEAR] + passed
+    passed = near(part, [some for some, _ in dear], fit.pick(which), [-least * price for _, price in dear])
+    return [some for some, price in priced if price <= _CLEAR] + passed
 
 
-def near(part: Shooting, sets: Sequence[Set], here: Fit, bar: Callable[[Sequence[Effect]], float] | float) -> list[Set]:
-    """Those of some sets whose chi2 on a part of the data is below that of a fit and a bar on top."""
+def near(part: Shooting, sets: Sequence[Set], here: Fit, bars: Sequence[float]) -> list[Set]:
+    """Those of some sets whose chi2 on a part of the data is below that of a fit and a bar on top, one for each."""
     trials = part.fit(sets, here.starts, race=True, design=here.design)
-    return [
-        (fit.effects, fit.values)
-        for fit in trials
-        if fit.chi2 < here.chi2 + (bar(fit.effects) if callable(bar) else bar)
-    ]
+    return [(fit.effects, fit.values) for fit, bar in zip(trials, bars, strict=True) if fit.chi2 < here.chi2 + bar]

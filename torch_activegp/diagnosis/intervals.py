@@ -13,7 +13,8 @@ from torch_activegp.diagnosis.shooting import Shooting
 from torch_activegp.physics.effect import Effect
 
 _LEVEL = 0.975
-_WIDEST = 10.0
+_WIDEST = 5.0
+"""Ends at most 150 times the value away: more says no more."""
 
 
 def covariance(shooting: Shooting, fit: Fit) -> Array:
@@ -59,19 +60,22 @@ def estimates(shooting: Shooting, fit: Fit, effect: Effect) -> dict[str, Estimat
     wide = float(stats.t.ppf(_LEVEL, max(shooting.segments.size - fit.size, 3)))
     errors = standard_errors(shooting, fit, effect)
     center = effect.describe(fit.values[fit.effects.index(effect)])
-    least = effect.describe(np.array([p.low if np.isfinite(p.low) else np.nan for p in effect.parameters]))
     return {
-        name: Estimate(value, _unit(effect, name, i), _interval(value, wide * errors[name], least[name]))
+        name: Estimate(
+            value, _unit(effect, name, i), _interval(value, wide * errors[name], name in effect.never_negative)
+        )
         for i, (name, value) in enumerate(center.items())
     }
 
 
-def _interval(value: float, half: float, least: float) -> tuple[float, float]:
-    """Symmetric, or by the logarithm for what is never negative and so uncertain that its interval would be."""
-    if least >= 0.0 and value > 0.0 and value - half < least:
-        ratio = float(np.exp(min(half / value, _WIDEST)))
-        return value / ratio, value * ratio
-    return value - half, value + half
+def _interval(value: float, half: float, never_negative: bool) -> tuple[float, float]:
+    """Symmetric, or by the logarithm for what is never negative: the same where it is certain."""
+    if not never_negative:
+        return value - half, value + half
+    if value <= 0.0:
+        return 0.0, value + half
+    ratio = float(np.exp(min(half / value, _WIDEST)))
+    return value / ratio, value * ratio
 
 
 def _unit(effect: Effect, name: str, index: int) -> str:

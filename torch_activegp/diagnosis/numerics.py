@@ -28,6 +28,7 @@ _ROUGHLY = 0.1
 """Where a fit leaves much more than the noise, an error of so much of what it leaves is close too."""
 _PRICE = 20.0
 _FINEST = 2.0
+"""Chi2 by which shorter steps must fit better: they cost time alone."""
 _SETTLED = 0.01
 _SAME = 0.02
 _POSES = 300
@@ -158,7 +159,7 @@ class Numerics:
                     break
         trials = [*sets[:1], *_without_delays(sets[:1])]
         results = []
-        for engine in self._forms(trials[0][0] if trials else ()):
+        for engine in self._forms(trials[0][0] if trials else (), known):
             if known is not None and engine is known[0] and rough is near:
                 working, judged = known[1], near
             else:
@@ -172,10 +173,12 @@ class Numerics:
             return engine, working, judged, judged
         return engine, working, working.fit([((), ())], nominal.starts, design=nominal.design)[0], judged
 
-    def _forms(self, effects: Sequence[Effect]) -> list[Engine]:
-        """The precise forms that compete behind a set."""
-        held = self.finest is not None and any(effect.needs_steps for effect in effects)
-        return list(dict.fromkeys((self.given, self.fine, *([self.finest] if held and self.finest else []))))
+    def _forms(self, effects: Sequence[Effect], known: Known | None) -> list[Engine]:
+        """The precise forms that compete behind a set; the one that was taken before is among them."""
+        forms = [self.given, self.fine, *([known[0]] if known else [])]
+        if self.finest is not None and any(effect.needs_steps for effect in effects):
+            forms.append(self.finest)
+        return list(dict.fromkeys(forms))
 
     def _working(self, engine: Engine, first: Shooting, rough: Fit) -> tuple[Shooting, Fit]:
         """The cheapest form that stays close to an engine, corrected by it.

@@ -154,24 +154,27 @@ def _other_forms(pairs: Sequence[tuple[Effect, Array]], effects: Sequence[Effect
         _set([*((e, v) for e, v in pairs if e is not effect), (form, form.taking_over(effect, value))])
         for effect, value in pairs
         for form in effects
-        if form.key == effect.key and form.stands_in != effect.stands_in
+        if form.key == effect.key and form is not effect and (form.stands_in or effect.stands_in)
     ]
 
 
 def _merged(pairs: Sequence[tuple[Effect, Array]], effects: Sequence[Effect]) -> list[Set]:
-    """A set with an asymmetric friction in place of a symmetric one and something constant: one name instead of two."""
+    """A set with an asymmetric friction in place of a symmetric one and something constant: one name instead of two.
+
+    Where the constant is the larger one, that is no friction in one direction, and they stay two.
+    """
     out: list[Set] = []
     for dry, level in pairs:
-        for push, value in pairs:
-            force = _push(push, value, dry.target)
-            if dry.name == "coulomb_friction" and force:
-                others = [(e, v) for e, v in pairs if e is not dry and e is not push]
-                laws = [e for e in effects if e.target == dry.target and dry.name in e.covers and e.name == _TWO_SIDED]
-                out += [_set([*others, (law, np.array([level[0] - force, level[0] + force]))]) for law in laws]
+        laws = [e for e in effects if e.target == dry.target and dry.name in e.covers and e.name == _TWO_SIDED]
+        for push, value in pairs if dry.name == "coulomb_friction" else ():
+            force = push_of(push, value, dry.target)
+            two_sided = np.array([level[0] - force, level[0] + force])
+            others = [(e, v) for e, v in pairs if e is not dry and e is not push]
+            out += [_set([*others, (law, two_sided)]) for law in laws if force and law.plausible(two_sided)]
     return out
 
 
-def _push(effect: Effect, value: Array, target: str) -> float:
+def push_of(effect: Effect, value: Array, target: str) -> float:
     """The constant force of an effect on a joint."""
     if effect.key == ("constant_force", target):
         return float(value[0])

@@ -185,7 +185,7 @@ class Diagnosis:
             ties = "".join(f"; or {name} at {target}" for name, target in effect.ties)
             lines.append(f"  {effect.name} at {effect.target}: {values}; explains {effect.share:.0%}{ties}")
         along = [f"{effect['name']} at {effect['target']}" for effect in self.details.get("retuned", ())]
-        lines += [f"  fitted along, for a modeller tunes it anyway: {', '.join(along)}"] if along else []
+        lines += [f"  fitted along and not named: {', '.join(along)}"] if along else []
         if self.stability is not None and not self.stability.sound:
             lines.append(str(self.stability))
         return "\n".join(lines)

@@ -183,6 +183,7 @@ def _simplify(selection: Selection, shooting: Shooting, effects: Sequence[Effect
     sets = simpler(best, effects, known, best.chi2 + _CLOSE * selection.score.scale)
     fewer = without_weak(best, lambda effect: selection.score.scale * selection.score.price([effect]))
     sets += [fewer] if fewer and frozenset(fewer[0]) not in known else []
+    sets = heat(shooting, sets, best, selection.score)
     if sets:
         selection.add(shooting.fit(sets, best.starts, rounds=_ROUNDS, design=best.design))
 
@@ -212,7 +213,7 @@ def _swap(selection: Selection, shooting: Shooting, effects: Sequence[Effect]) -
         fresh.pop(frozenset(known.effects), None)
     sets = list(fresh.values())
     if sets and part.segments.size < shooting.segments.size:
-        sets = near(part, sets, best.pick(which), _CLOSE * selection.score.scale)
+        sets = near(part, sets, best.pick(which), [_CLOSE * selection.score.scale] * len(sets))
     if sets:
         selection.add(shooting.fit(sets, best.starts, race=True, design=best.design))
     selection.rescale(shooting.dof)

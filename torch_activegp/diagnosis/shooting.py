@@ -110,7 +110,8 @@ class Shooting:
         """
         count = max(int(np.ceil(share * self.segments.size)), min(6, self.segments.size))
         worst = np.argsort(first)[::-1][: count // 2] if first is not None else np.zeros(0, dtype=np.int64)
-        even = np.linspace(0, self.segments.size - 1, count - len(worst)).round().astype(np.int64)
+        rest = np.setdiff1d(np.arange(self.segments.size), worst)
+        even = rest[np.linspace(0, len(rest) - 1, count - len(worst)).round().astype(np.int64)]
         which = np.union1d(worst, even)
         return self.pick(which), which
 

@@ -136,6 +136,7 @@ class ActuatorDeadZone(ActuatorEffect):
     """u - clip(u, -w, w): small commands do nothing."""
 
     name = "actuator_dead_zone"
+    never_negative = frozenset({"width"})
     law = "u - clip(u, -w, w)"
     order = 3
 
@@ -159,6 +160,7 @@ class ActuatorSaturation(ActuatorEffect):
     """clip(u, -limit, limit): the drive gives no more than its limit."""
 
     name = "actuator_saturation"
+    never_negative = frozenset({"limit"})
     law = "clip(u, -limit, limit)"
     order = 4
 
@@ -203,6 +205,7 @@ class ActuatorLag(ActuatorEffect):
     """First-order lag: T du'/dt = u - u', T the time constant."""
 
     name = "actuator_lag"
+    never_negative = frozenset({"time_constant"})
     law = "T du'/dt = u - u'"
     order = 5
 
@@ -251,6 +254,7 @@ class ActuatorDelay(ActuatorEffect):
     """u(t - T): a dead time on the bus or in the drive."""
 
     name = "actuator_delay"
+    never_negative = frozenset({"seconds"})
     law = "u(t - T)"
     order = 6
 

@@ -121,7 +121,7 @@ def body_effects(model: mujoco.MjModel) -> list[Effect]:
         effects.append(DensityError.at(place, model))
         reach = farthest_point(model, body)
         if np.linalg.norm(reach) > 1e-3 and not stays_balanced:
-            effects += [PayloadMass.at(place, model, reach, "end"), PayloadAlong.at(place, model, reach)]
+            effects += [PayloadMass.at(place, model, reach, "end"), PayloadAlong.towards(place, model, reach)]
             effects += [PayloadAside.within(place, model, reach, plane) for plane in _PLANES]
         size = max(float(np.linalg.norm(reach)), 0.02)
         if not stays_balanced:

@@ -82,6 +82,8 @@ class Effect:
     """Names of effects on the same target that this one contains."""
     tunable: ClassVar[bool] = False
     """Whether a modeller would have tuned it on the machine's data, so that a nominal can hide others in it."""
+    never_negative: ClassVar[frozenset[str]] = frozenset()
+    """Described parameters of which no machine has less than none; their intervals say so."""
     needs_steps: ClassVar[bool] = False
     """Whether :meth:`before_step` does something."""
 

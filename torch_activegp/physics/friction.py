@@ -1,4 +1,4 @@
-"""Friction and drag on a joint."""
+"""Dry friction on a joint, and the whole family."""
 
 from __future__ import annotations
 
@@ -8,6 +8,7 @@ from typing import Self
 import mujoco
 import numpy as np
 
+from torch_activegp.physics.drag import AsymmetricFriction, QuadraticDrag, ViscousFriction
 from torch_activegp.physics.effect import Array, Effect, Index, Parameter, Place, Step
 from torch_activegp.physics.joint import JointEffect
 
@@ -16,8 +17,10 @@ SHARP = 2.0
 """Time constant of MuJoCo's friction constraint in time steps: its default of 20 ms lets a stuck joint creep."""
 IMPEDANCE = (0.99, 0.999)
 _BRISTLES = 0.5
-_LITTLE = 0.1
+_NOTHING_ELSE = 0.1
+"""Coulomb friction below so much of the static excess hardly shows beside it."""
 _A_LITTLE = 0.15
+"""Share of the first-order friction with which a fit also starts."""
 _STEEPEST = 4.0
 """Static friction beyond what slides, over what slides, at most; machines show 0.1 to 2."""
 
@@ -40,67 +43,6 @@ class DryFriction(JointEffect):
     def starts_beside(self, values: Array) -> list[Array]:
         """The same with a little of it."""
         return [np.where(np.arange(len(values)) < self.linear, _A_LITTLE, 1.0) * values]
-
-
-class ViscousFriction(JointEffect):
-    """-c v: MJCF's ``joint damping``, first coefficient."""
-
-    name = "viscous_friction"
-    law = "-c v"
-    tunable = True
-    needs_steps = False
-
-    @classmethod
-    def at(cls, place: Place, model: mujoco.MjModel) -> Self:
-        """Makes the effect for a joint; c is what comes on top of the model's own damping."""
-        scale = _SMALL * place.force / place.speed
-        unit = f"{place.force_unit} s/{place.position_unit}"
-        parameter = Parameter("coefficient", unit, scale, low=-float(model.dof_damping[place.index]))
-        return cls.make(place, (parameter,), [[scale]])
-
-    def force(self, position: Array, velocity: Array, values: Sequence[Array] | Array) -> Array:
-        """The law; see :meth:`JointEffect.force`."""
-        return -values[0] * velocity
-
-    def edit(self, field: Callable[[str], Array], rows: Index, values: Array) -> bool:
-        """Adds to ``dof_damping``."""
-        field("dof_damping")[rows, self.dof] += values[:, 0]
-        return False
-
-    def write(self, spec: mujoco.MjSpec, values: Array) -> bool:
-        """Writes ``joint damping``."""
-        self.joint(spec).damping[0] += float(values[0])
-        return True
-
-
-class QuadraticDrag(JointEffect):
-    """-c v abs(v): MJCF's ``joint damping``, second coefficient."""
-
-    name = "quadratic_drag"
-    law = "-c v |v|"
-    needs_steps = False
-
-    @classmethod
-    def at(cls, place: Place, model: mujoco.MjModel) -> Self:
-        """Makes the effect for a joint."""
-        scale = _SMALL * place.force / place.speed**2
-        unit = f"{place.force_unit} s2/{place.position_unit}2"
-        parameter = Parameter("coefficient", unit, scale, low=-float(model.dof_dampingpoly[place.index, 0]))
-        return cls.make(place, (parameter,), [[scale]])
-
-    def force(self, position: Array, velocity: Array, values: Sequence[Array] | Array) -> Array:
-        """The law; see :meth:`JointEffect.force`."""
-        return -values[0] * velocity * np.abs(velocity)
-
-    def edit(self, field: Callable[[str], Array], rows: Index, values: Array) -> bool:
-        """Adds to ``dof_dampingpoly``."""
-        field("dof_dampingpoly")[rows, self.dof, 0] += values[:, 0]
-        return False
-
-    def write(self, spec: mujoco.MjSpec, values: Array) -> bool:
-        """Writes ``joint damping``."""
-        self.joint(spec).damping[1] += float(values[0])
-        return True
 
 
 class CoulombFriction(DryFriction):
@@ -151,6 +93,7 @@ class StribeckFriction(DryFriction):
     """
 
     name = "stribeck_friction"
+    never_negative = frozenset({"static", "velocity"})
     law = "-(F + (S - F) exp(-(v/w)^2)) sign(v), with sticking"
     covers = ("coulomb_friction",)
 
@@ -176,7 +119,7 @@ class StribeckFriction(DryFriction):
 
     def acts(self, values: Array) -> tuple[str, float, float] | None:
         """Where the static excess has not fallen to a tenth, where little else is missing."""
-        if values[0] > _LITTLE * values[1]:
+        if values[0] > _NOTHING_ELSE * values[1]:
             return None
         width = float(values[2]) * np.sqrt(np.log(10.0))
         return "qvel", -width, width
@@ -212,36 +155,6 @@ class StribeckFriction(DryFriction):
         return {"coulomb": float(values[0]), "static": float(values[0] + values[1]), "velocity": float(values[2])}
 
 
-class AsymmetricFriction(JointEffect):
-    """-c+ v for v > 0 and -c- v for v < 0: friction that depends on the direction."""
-
-    name = "asymmetric_friction"
-    law = "-c+ v for v > 0, -c- v for v < 0"
-    covers = ("viscous_friction",)
-
-    @classmethod
-    def at(cls, place: Place, model: mujoco.MjModel) -> Self:
-        """Makes the effect for a joint."""
-        scale = _SMALL * place.force / place.speed
-        unit, low = f"{place.force_unit} s/{place.position_unit}", -float(model.dof_damping[place.index])
-        parameters = (Parameter("positive", unit, scale, low=low), Parameter("negative", unit, scale, low=low))
-        return cls.make(place, parameters, [[scale, scale]], linear=2)
-
-    def force(self, position: Array, velocity: Array, values: Sequence[Array] | Array) -> Array:
-        """The law; see :meth:`JointEffect.force`."""
-        return -np.where(velocity > 0, values[0], values[1]) * velocity
-
-    def edit(self, field: Callable[[str], Array], rows: Index, values: Array) -> bool:
-        """Adds the mean of both to ``dof_damping``."""
-        field("dof_damping")[rows, self.dof] += values.mean(axis=1)
-        return False
-
-    def before_step(self, step: Step, rows: Index, values: Array, memory: Array | None) -> None:
-        """Adds half the difference times the speed, always in one direction."""
-        speed = np.abs(step.qvel[rows, self.dof])
-        step.force[rows, self.dof] -= 0.5 * (values[:, 0] - values[:, 1]) * speed
-
-
 class AsymmetricCoulomb(DryFriction):
     """-F+ for v > 0 and +F- for v < 0, with sticking: dry friction that depends on the direction.
 
@@ -265,6 +178,10 @@ class AsymmetricCoulomb(DryFriction):
     def force(self, position: Array, velocity: Array, values: Sequence[Array] | Array) -> Array:
         """The law; see :meth:`JointEffect.force`."""
         return -np.where(velocity > 0, values[0], values[1]) * np.sign(velocity)
+
+    def plausible(self, values: Array) -> bool:
+        """Whether the friction brakes in both directions."""
+        return bool((self.nominal_loss + values >= 0.0).all())
 
     def edit(self, field: Callable[[str], Array], rows: Index, values: Array) -> bool:
         """Adds the mean of both to ``dof_frictionloss``."""

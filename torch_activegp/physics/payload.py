@@ -66,24 +66,20 @@ class PayloadMass(BodyEffect):
 
 
 class PayloadAlong(PayloadMass):
-    """A point mass somewhere between a body's centre of mass and its end, or a little beyond."""
+    """A point mass on the line through a body's centre of mass and its end; a load only, nothing that is missing."""
 
-    law = "a point mass m on the line from the body's centre of mass to its end"
+    law = "a point mass m on the line from the body's nominal centre of mass to its end"
 
     @classmethod
-    def at(
-        cls, place: Place, model: mujoco.MjModel, offset: Sequence[float] | Array = (0, 0, 0), variant: str = "along"
-    ) -> Self:
-        """Makes the effect for a body whose end is at an offset from its centre of mass."""
-        end = PayloadMass.at(place, model, offset)
-        reach = float(np.linalg.norm(end.offset))
-        distance = Parameter("distance", "m", 0.05 * reach, low=-_BEYOND * reach, high=_BEYOND * reach)
-        seeds = np.array([[*end.seeds[0], 0.5 * reach]])
-        return dataclasses.replace(
-            cls(place.target, (*end.parameters, distance), seeds, variant=variant),
-            body=end.body,
-            offset=end.offset,
-            stands_in=True,
+    def towards(cls, place: Place, model: mujoco.MjModel, reach: Array) -> Self:
+        """Makes the effect for a body whose end is at an offset (not 0) from its centre of mass."""
+        end = PayloadMass.at(place, model, reach)
+        far = float(np.linalg.norm(reach))
+        mass = dataclasses.replace(end.parameters[0], low=0.0)
+        distance = Parameter("distance", "m", 0.05 * far, low=-_BEYOND * far, high=_BEYOND * far)
+        seeds = np.array([[*end.seeds[0], 0.5 * far]])
+        return cls(
+            place.target, (mass, distance), seeds, variant="along", stands_in=True, body=end.body, offset=end.offset
         )
 
     def taking_over(self, other: Effect, values: Array) -> Array:
@@ -105,7 +101,7 @@ class PayloadAlong(PayloadMass):
 class PayloadAside(PayloadMass):
     """A point mass somewhere in a plane through a body's centre of mass."""
 
-    law = "a point mass m beside the body's centre of mass"
+    law = "a point mass m at an offset from the body's nominal centre of mass, in the body's frame"
 
     @classmethod
     def within(cls, place: Place, model: mujoco.MjModel, reach: Array, axes: tuple[int, int]) -> Self:
@@ -113,10 +109,11 @@ class PayloadAside(PayloadMass):
         end = PayloadMass.at(place, model, reach)
         far = _BEYOND * float(np.linalg.norm(reach))
         names = tuple(_AXES[axis] for axis in axes)
-        places = tuple(Parameter(f"position_{name}", "m", 0.04 * far, low=-far, high=far) for name in names)
+        mass = dataclasses.replace(end.parameters[0], low=0.0)
+        places = tuple(Parameter(f"offset_{name}", "m", 0.04 * far, low=-far, high=far) for name in names)
         return cls(
             place.target,
-            (*end.parameters, *places),
+            (mass, *places),
             np.array([[*end.seeds[0], *reach[list(axes)]]]),
             variant="".join(names),
             stands_in=True,

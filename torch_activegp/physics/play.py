@@ -22,6 +22,7 @@ class Hysteresis(JointEffect):
     """A spring with a slider: -k z, where z follows q and slips at +-s."""
 
     name = "hysteresis"
+    never_negative = frozenset({"stiffness", "slip"})
     law = "-k z, z follows q and slips at +-s"
 
     @classmethod
@@ -98,6 +99,7 @@ class Backlash(Effect):
     dt: float = 0.01
 
     name = "backlash"
+    never_negative = frozenset({"gap"})
     law = "the motor's torque reaches the joint only at the ends of a gap"
     needs_steps = True
 

@@ -72,6 +72,7 @@ class SensorDelay(SensorEffect):
     """q(t - T): the recording is late."""
 
     name = "sensor_delay"
+    never_negative = frozenset({"seconds"})
     law = "q(t - T)"
 
     @classmethod

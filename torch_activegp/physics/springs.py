@@ -150,6 +150,7 @@ class JointStop(JointEffect):
     """
 
     name = "joint_stop"
+    never_negative = frozenset({"stiffness", "damping"})
     law = "-max(0, k p + d v) past the stop, p the penetration"
     inertia: float = 1.0
     side: ClassVar[float] = 1.0
@@ -226,6 +227,7 @@ class Cogging(JointEffect):
     """A sin(N q + phase): the pull of a motor's magnets. The amplitudes are those of the sine and the cosine."""
 
     name = "cogging"
+    never_negative = frozenset({"amplitude"})
     law = "A sin(N q + phase)"
 
     @classmethod
