@@ -122,9 +122,11 @@ def judge(diagnosis: Mapping[str, Any]) -> list[tuple[str, str, bool]]:
     names = [effect["name"] for effect in effects]
     bias = {"constant_force", "actuator_bias"}
     allowed = {"viscous_friction", "coulomb_friction", "asymmetric_friction", *bias}
-    friction = "coulomb_friction" in names and {"viscous_friction", "asymmetric_friction"} & set(names)
+    tied = {*names, *(tie["name"] for effect in effects for tie in effect["ties"])}
+    friction = "coulomb_friction" in tied and {"viscous_friction", "asymmetric_friction"} & tied
+    said = ", ".join(names) + (f" (or {', '.join(sorted(tied - set(names)))})" if tied > set(names) else "")
     rows = [
-        ("Coulomb, viscous, bias named", ", ".join(names) or "none", bool(friction and bias & set(names))),
+        ("Coulomb, viscous, bias named", said or "none", bool(friction and bias & tied)),
         ("nothing else but the asymmetry", ", ".join(set(names) - allowed) or "-", set(names) <= allowed),
         ("asymmetry found", ", ".join(names), "asymmetric_friction" in names),
     ]

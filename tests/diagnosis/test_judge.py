@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from torch_activegp.diagnosis.compared import Selection
-from torch_activegp.diagnosis.judge import judge, omnibus
+from torch_activegp.diagnosis.judge import as_two, judge, omnibus
 from torch_activegp.diagnosis.score import Score
 
 
@@ -116,3 +116,17 @@ def test_much_of_the_rest_is_named_however_little_of_the_whole(bench) -> None:
         chosen = Selection(nominal, [nominal, both, one, other], score)
         names[scale] = [effect.name for effect in judge(bench.shooting, chosen).named]
     assert names == {1.0: ["viscous_friction"], 5.0: ["viscous_friction", "constant_force"]}
+
+
+def test_a_friction_of_two_levels_may_be_one_level_and_a_push(bench) -> None:
+    rich = next(e for e in bench.effects if e.name == "asymmetric_friction" and "coulomb_friction" in e.covers)
+    dry, push, wet = (bench.effect(name) for name in ("coulomb_friction", "constant_force", "viscous_friction"))
+    levels = (np.array([0.004, 0.006]), np.array([0.05]))
+    one = bench.shooting.fit([((rich, wet), levels)], bench.nominal.starts)[0]
+    two = dataclasses.replace(
+        one, effects=(dry, push, wet), values=(np.array([0.005]), np.array([0.001]), one.values[1])
+    )
+    for chi2, names in ((one.chi2, {dry.key, push.key}), (1.01 * one.chi2, set())):
+        rivals = [(one, 0.0, 1.0), (dataclasses.replace(two, chi2=chi2), 20.0, 0.0)]
+        assert set(as_two(rivals, one, rich)) == names
+        assert as_two(rivals, one, wet) == ()

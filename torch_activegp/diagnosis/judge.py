@@ -27,6 +27,9 @@ SEEN = 0.08
 """The same where what is left is large against the noise too. Sets with the right names leave up to 0.04."""
 CROWDED = 0.04
 """The same where as many names as are tried leave it, and none of it may be left where there are more."""
+ALIKE = 0.002
+"""Two ways to say the same differ in chi2 by no more: what their fits are short of."""
+_TWO_SIDED = "asymmetric_friction"
 SURE = 1e-5
 DOUBT = 0.01
 VISIBLE = 0.3
@@ -126,7 +129,7 @@ def judge(shooting: Shooting, selection: Selection) -> Judgement:
     retuned = (*retuned, *(effect for i, effect in enumerate(order) if i not in kept))
     order, shares = tuple(order[i] for i in kept), tuple(shares[i] for i in kept)
     probabilities = tuple(_probability(rivals, effect) for effect in order)
-    ties = tuple(_ties(rivals, best, effect) for effect in order)
+    ties = tuple((*_ties(rivals, best, effect), *as_two(rivals, best, effect)) for effect in order)
     p_value = min(before.p_value, float(stats.chi2.sf(gain / score.scale, best.size)) * score.names)
     crowded = len(order) > MAX_EFFECTS or (len(order) == MAX_EFFECTS and unexplained > CROWDED)
     most = SEEN if _visible(shooting, after) else INADEQUATE
@@ -210,3 +213,14 @@ def _ties(rivals: Sequence[tuple[Fit, float, float]], best: Fit, effect: Effect)
         if distance < TIE and others <= fit.keys and len(swapped) == 1 and effect.key not in fit.keys:
             found.append(next(iter(swapped)))
     return tuple(found)
+
+
+def as_two(rivals: Sequence[tuple[Fit, float, float]], best: Fit, effect: Effect) -> tuple[tuple[str, str], ...]:
+    """The two names that say the same as a dry friction of two levels: one level and a constant push."""
+    others, dry = best.keys - {effect.key}, ("coulomb_friction", effect.target)
+    for fit, _, _ in rivals[1:]:
+        swapped = fit.keys - others
+        alike = abs(fit.chi2 - best.chi2) < ALIKE * best.chi2
+        if alike and effect.name == _TWO_SIDED and others <= fit.keys and len(swapped) == 2 and dry in swapped:
+            return tuple(sorted(swapped))
+    return ()
