@@ -130,3 +130,15 @@ def test_a_friction_of_two_levels_may_be_one_level_and_a_push(bench) -> None:
         rivals = [(one, 0.0, 1.0), (dataclasses.replace(two, chi2=chi2), 20.0, 0.0)]
         assert set(as_two(rivals, one, rich)) == names
         assert as_two(rivals, one, wet) == ()
+
+
+@pytest.mark.parametrize(("least", "verdict"), [(1e-3, "unknown"), (1e3, "none")])
+def test_more_must_be_left_without_a_name_where_a_filter_of_the_noise_cannot_be_seen(
+    bench, monkeypatch, least, verdict
+) -> None:
+    segments = dataclasses.replace(bench.segments, dt=2.0 * bench.segments.dt)
+    shooting = dataclasses.replace(bench.shooting, segments=segments)
+    monkeypatch.setattr("torch_activegp.diagnosis.judge.VISIBLE_UNSEEN", least)
+    monkeypatch.setattr("torch_activegp.diagnosis.judge.VISIBLE", 1e-4)
+    alone = Selection(bench.nominal, [bench.nominal], Score(shooting.samples, 20, 1.0))
+    assert judge(shooting, alone).verdict == verdict

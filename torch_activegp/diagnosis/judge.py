@@ -36,6 +36,9 @@ VISIBLE = 0.3
 """A mismatch without any name must be this large a part of the noise: floors are known no better."""
 VISIBLE_IN_COLOUR = 1.5
 """The same where the noise is coloured."""
+UNSEEN = 1 / 67
+VISIBLE_UNSEEN = 2.5
+"""The same for recordings below 67 Hz: whether an encoder filters its noise cannot be seen there."""
 SLOW = 1 / 30
 VISIBLE_WHEN_SLOW = 12.0
 """The same for recordings below 30 Hz, as from video: their differences hardly show slow errors of the recorder."""
@@ -145,8 +148,9 @@ def judge(shooting: Shooting, selection: Selection) -> Judgement:
 def _visible(shooting: Shooting, left: Omnibus) -> bool:
     """Whether a mismatch without a name is large enough to be believed."""
     least = VISIBLE_IN_COLOUR if shooting.noise.colour.any() else VISIBLE
-    if float(np.median(shooting.segments.dt)) > SLOW:
-        least = VISIBLE_WHEN_SLOW
+    step = float(np.median(shooting.segments.dt))
+    if step > UNSEEN:
+        least = VISIBLE_WHEN_SLOW if step > SLOW else max(least, VISIBLE_UNSEEN)
     return left.p_value < SURE and left.excess > least * shooting.dof
 
 
