@@ -37,8 +37,9 @@ VISIBLE = 0.3
 VISIBLE_IN_COLOUR = 1.5
 """The same where the noise is coloured."""
 UNSEEN = 1 / 67
-VISIBLE_UNSEEN = 2.5
-"""The same for recordings below 67 Hz: whether an encoder filters its noise cannot be seen there."""
+VISIBLE_UNSEEN = 5.0
+"""The same for recordings below 67 Hz: whether an encoder filters its noise cannot be seen there, and behind a filter
+of one pole at 0.7 fourth differences show a fifth of the variance."""
 SLOW = 1 / 30
 VISIBLE_WHEN_SLOW = 12.0
 """The same for recordings below 30 Hz, as from video: their differences hardly show slow errors of the recorder."""
