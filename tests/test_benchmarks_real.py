@@ -21,7 +21,7 @@ def benchmarks_on_path(monkeypatch: pytest.MonkeyPatch) -> Iterator[None]:
 
 
 def effect(name: str, **values: float) -> dict[str, Any]:
-    return {"name": name, "parameters": {key: {"value": value} for key, value in values.items()}}
+    return {"name": name, "parameters": {key: {"value": value} for key, value in values.items()}, "ties": []}
 
 
 def held(rows: list[tuple[str, str, bool]]) -> list[bool]:
@@ -51,6 +51,10 @@ def test_the_judge_of_emps_tells_right_from_wrong(recordings_dir: Path) -> None:
     assert held(emps.judge({"effects": KNOWN_LOSSES})) == [True, True, False, True, True, True]
     directions = [effect("asymmetric_friction", positive=166.7, negative=240.4), KNOWN_LOSSES[1]]
     assert held(emps.judge({"effects": directions})) == [False, True, True, True, True, True]
+    two = effect("asymmetric_friction", positive_level=20.39 - 3.16, negative_level=20.39 + 3.16)
+    assert held(emps.judge({"effects": [KNOWN_LOSSES[0], two]})) == [False, True, True, True, True, True]
+    tied = {**two, "ties": [{"name": "coulomb_friction"}, {"name": "constant_force"}]}
+    assert held(emps.judge({"effects": [KNOWN_LOSSES[0], tied]}))[0] is True
     stribeck = effect("stribeck_friction", coulomb=20.0, static=22.0, velocity=0.01)
     assert held(emps.judge({"effects": [*KNOWN_LOSSES, stribeck]}))[1] is False
     wrong = [effect("viscous_friction", coefficient=150.0), *KNOWN_LOSSES[1:]]
