@@ -11,6 +11,7 @@ from scipy import stats
 from torch_activegp.diagnosis.compared import Selection, fitted
 from torch_activegp.diagnosis.elimination import eliminate
 from torch_activegp.diagnosis.fit import Fit
+from torch_activegp.diagnosis.proposals import TWO_SIDED
 from torch_activegp.diagnosis.reference import free_force_columns
 from torch_activegp.diagnosis.selection import MAX_EFFECTS
 from torch_activegp.diagnosis.shooting import Shooting
@@ -29,7 +30,6 @@ CROWDED = 0.04
 """The same where as many names as are tried leave it, and none of it may be left where there are more."""
 ALIKE = 0.002
 """Two ways to say the same differ in chi2 by no more: what their fits are short of."""
-_TWO_SIDED = "asymmetric_friction"
 SURE = 1e-5
 DOUBT = 0.01
 VISIBLE = 0.3
@@ -226,6 +226,6 @@ def as_two(rivals: Sequence[tuple[Fit, float, float]], best: Fit, effect: Effect
     for fit, _, _ in rivals[1:]:
         swapped = fit.keys - others
         alike = abs(fit.chi2 - best.chi2) < ALIKE * best.chi2
-        if alike and effect.name == _TWO_SIDED and others <= fit.keys and len(swapped) == 2 and dry in swapped:
+        if alike and effect.name == TWO_SIDED and others <= fit.keys and len(swapped) == 2 and dry in swapped:
             return tuple(sorted(swapped))
     return ()

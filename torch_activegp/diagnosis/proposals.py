@@ -21,7 +21,7 @@ MOST = 6
 _BEAM = 6
 _BEST = 2
 _START = 0.15
-_TWO_SIDED = "asymmetric_friction"
+TWO_SIDED = "asymmetric_friction"
 
 
 def diverse(atoms: Sequence[Atom], most: int = MOST) -> list[Atom]:
@@ -165,16 +165,16 @@ def _merged(pairs: Sequence[tuple[Effect, Array]], effects: Sequence[Effect]) ->
     """
     out: list[Set] = []
     for dry, level in pairs:
-        laws = [e for e in effects if e.target == dry.target and dry.name in e.covers and e.name == _TWO_SIDED]
+        laws = [e for e in effects if e.target == dry.target and dry.name in e.covers and e.name == TWO_SIDED]
         for push, value in pairs if dry.name == "coulomb_friction" else ():
-            force = push_of(push, value, dry.target)
+            force = _push(push, value, dry.target)
             two_sided = np.array([level[0] - force, level[0] + force])
             others = [(e, v) for e, v in pairs if e is not dry and e is not push]
             out += [_set([*others, (law, two_sided)]) for law in laws if force and law.plausible(two_sided)]
     return out
 
 
-def push_of(effect: Effect, value: Array, target: str) -> float:
+def _push(effect: Effect, value: Array, target: str) -> float:
     """The constant force of an effect on a joint."""
     if effect.key == ("constant_force", target):
         return float(value[0])
@@ -190,7 +190,7 @@ def _set(pairs: Sequence[tuple[Effect, Array]]) -> Set:
 def _offset(best: Fit, effect: Effect, value: Array, effects: Sequence[Effect]) -> list[list[tuple[Effect, Array]]]:
     """What an asymmetric friction has beyond a symmetric one: a constant force."""
     key = ("constant_force", effect.target)
-    if effect.name != _TWO_SIDED or key in best.keys:
+    if effect.name != TWO_SIDED or key in best.keys:
         return []
     return [[(e, np.array([-0.5 * float(value[0] - value[1])]))] for e in effects if e.key == key]
 

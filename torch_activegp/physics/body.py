@@ -9,6 +9,7 @@ import numpy as np
 
 from torch_activegp.physics.effect import Array, Effect, element
 
+AXES = "xyz"
 _INERTIAL = ("body_mass", "body_ipos", "body_inertia", "body_iquat", "body_simple")
 
 

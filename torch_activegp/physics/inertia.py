@@ -9,11 +9,9 @@ from typing import Self
 import mujoco
 import numpy as np
 
-from torch_activegp.physics.body import BodyEffect
+from torch_activegp.physics.body import AXES, BodyEffect
 from torch_activegp.physics.effect import Array, Effect, Index, Parameter, Place, add_rotor
 from torch_activegp.physics.joint import JointEffect
-
-_AXES = "xyz"
 
 
 class ArmatureError(JointEffect):
@@ -52,7 +50,7 @@ class CenterOfMassOffset(BodyEffect):
     @classmethod
     def along(cls, place: Place, size: float, *axes: int) -> Self:
         """Makes the effect along some axes of a body of a given size, m; more than one stand in for a single one."""
-        names = tuple(_AXES[axis] for axis in axes)
+        names = tuple(AXES[axis] for axis in axes)
         parameters = tuple(Parameter(f"offset_{name}", "m", 0.03 * size, low=-size, high=size) for name in names)
         return cls(
             place.target,
@@ -89,7 +87,7 @@ class GravityError(Effect):
     @classmethod
     def along(cls, *axes: int) -> Self:
         """Makes the effect along some axes of the world; more than one stand in for a single one."""
-        names = tuple(_AXES[axis] for axis in axes)
+        names = tuple(AXES[axis] for axis in axes)
         parameters = tuple(Parameter(f"change_{name}", "m/s2", 0.3) for name in names)
         seed = np.full((1, len(axes)), 0.3)
         return cls(

@@ -10,10 +10,9 @@ import mujoco
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from torch_activegp.physics.body import BodyEffect
+from torch_activegp.physics.body import AXES, BodyEffect
 from torch_activegp.physics.effect import Array, Effect, Index, Parameter, Place
 
-_AXES = "xyz"
 _BEYOND = 1.2
 """A load may stick out of the body that carries it, by a fifth of the way to its end."""
 
@@ -108,7 +107,7 @@ class PayloadAside(PayloadMass):
         """Makes the effect in the plane of two axes of a body whose end is at an offset from its centre of mass."""
         end = PayloadMass.at(place, model, reach)
         far = _BEYOND * float(np.linalg.norm(reach))
-        names = tuple(_AXES[axis] for axis in axes)
+        names = tuple(AXES[axis] for axis in axes)
         mass = dataclasses.replace(end.parameters[0], low=0.0)
         places = tuple(Parameter(f"offset_{name}", "m", 0.04 * far, low=-far, high=far) for name in names)
         return cls(
