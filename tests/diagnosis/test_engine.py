@@ -1,5 +1,7 @@
 from __future__ import annotations
 
+import dataclasses
+
 import mujoco
 import numpy as np
 import pytest
@@ -116,3 +118,17 @@ def test_runs_hold_what_the_limits_of_the_actuators_let_pass(bench, record) -> N
     machine = make_machine(mujoco.MjModel.from_xml_string(text), [record()], [record(seed=1)])
     assert machine.fit[0].control.max() == 0.2
     assert machine.fit[0].control.min() == -0.3
+
+
+@pytest.mark.parametrize("stride", [1, 2, 3])
+def test_late_controls_make_euler_second_order(clean, stride) -> None:
+    """Once the initial states are fitted, the error to a fine simulation is a small part of plain Euler's."""
+    model, channels = clean.machine.model, clean.engine.channels
+    fine = Engine(model, channels, 10, 1).predict(clean.segments, clean.nominal.starts[None], [NOMINAL])[0][0]
+    segments = dataclasses.replace(clean.segments, position=fine)
+    errors = {}
+    for late in (False, True):
+        engine = Engine(model, channels, 1, 1, int(mujoco.mjtIntegrator.mjINT_EULER), stride, late=late)
+        shooting = dataclasses.replace(clean.shooting, engine=engine, segments=segments)
+        errors[late] = shooting.fit([((), ())], clean.nominal.starts)[0].chi2
+    assert errors[True] < 0.05 * errors[False]

@@ -72,3 +72,18 @@ def test_a_segment_that_is_far_off_begins_again_from_the_recording(bench) -> Non
     _, states = problem.ask()
     np.testing.assert_array_equal(states[0, 1], smooth[1])
     assert (np.abs(np.delete(states[0] - smooth, 1, 0)) > 1.0).any(axis=1).all()
+
+
+def test_no_point_is_simulated_twice(line, monkeypatch) -> None:
+    """Derivatives at a point whose residual is known want only what is moved."""
+    asked = []
+    ask = Problem.ask
+
+    def listen(self):
+        candidates, states = ask(self)
+        asked.extend((s[0, 0], c.values[0][0]) for c, s in zip(candidates, states, strict=True))
+        return candidates, states
+
+    monkeypatch.setattr(Problem, "ask", listen)
+    line(5.0)
+    assert len(set(asked)) == len(asked)

@@ -54,12 +54,12 @@ class Controls:
         return not self._slot.any()
 
     def __call__(self, interval: int, substep: int) -> Array:
-        """Controls of all simulations in a step of an interval, ``(N * S, nu)``."""
-        rows = np.minimum(self._first + interval * self._substeps + substep, self._all.shape[2] - 1)
+        """Controls of all simulations in a step of an interval, which may be one before the first, ``(N * S, nu)``."""
+        rows = np.clip(self._first + interval * self._substeps + substep, 0, self._all.shape[2] - 1)
         count, size, nu = self._shape
         control = self._all[self._slot[:, None], self._run[None], rows[None]]
         if self._shoves is not None:
-            control = control + self._shoves[:, :, interval]
+            control = control + self._shoves[:, :, max(interval, 0)]
         return np.asarray(control.reshape(count * size, nu))
 
 

@@ -15,6 +15,7 @@ from torch_activegp.diagnosis.engine import Engine
 from torch_activegp.diagnosis.fit import Fit
 from torch_activegp.diagnosis.machine import Machine
 from torch_activegp.diagnosis.noise_floor import noise_floor
+from torch_activegp.diagnosis.noise_left import quieter
 from torch_activegp.diagnosis.noise_model import NoiseModel
 from torch_activegp.diagnosis.numerics import Numerics, Sets
 from torch_activegp.diagnosis.runs import Array, median_step
@@ -37,6 +38,8 @@ _SETTLED = 0.5
 _RIVAL = 20.0
 _NEAR = 6
 _POLISHES = 4
+_QUIETER = 3
+"""How often noise is taken anew."""
 _ENOUGH = 600.0
 """Chi2 above the noise by which the first names are found, on a part of the data where there is twice as much."""
 
@@ -104,7 +107,13 @@ def explain(
     def name() -> tuple[_Start, Selection]:
         start = keep.once("naming on a part of the data", begin)
         tell("naming on all data")
-        return start, select(start.shooting, effects, start.nominal, start.sets, start.starts, tell, start.free)
+        selection = select(start.shooting, effects, start.nominal, start.sets, start.starts, tell, start.free)
+        for _ in range(_QUIETER):
+            noise = quieter(start.shooting, selection.best)
+            if noise is None:
+                break
+            start, selection = _again(start, selection, noise, effects, tell)
+        return start, selection
 
     def finish() -> Explanation:
         return _finish(numerics, effects, *keep.once("naming on all data", name), tell)
@@ -123,6 +132,8 @@ def _start(
     """Names on a part of the data where there is much to explain."""
     segments, first = long
     engine, shooting, nominal, judged = numerics.choose(segments, noise, first, first)
+    shooting, nominal = _quietened(shooting, nominal)
+    noise, judged = shooting.noise, nominal
     sets: Sets = []
     free: frozenset[tuple[str, str]] = frozenset()
     excess = nominal.chi2 - shooting.dof
@@ -137,6 +148,29 @@ def _start(
             segments, nominal = _longest(machine, numerics, noise, _TOO_FAR)
         engine, shooting, nominal, judged = numerics.choose(segments, noise, nominal, nominal, sets)
     return _Start(engine, shooting, nominal, sets, judged.starts, free)
+
+
+def _quietened(shooting: Shooting, nominal: Fit) -> tuple[Shooting, Fit]:
+    """The likelihood with the noise that the nominal leaves, where that is less than was thought, and its fit."""
+    for _ in range(_QUIETER):
+        noise = quieter(shooting, nominal)
+        if noise is None:
+            break
+        shooting = dataclasses.replace(shooting, noise=noise)
+        nominal = shooting.fit([((), ())], nominal.starts)[0]
+    return shooting, nominal
+
+
+def _again(
+    start: _Start, selection: Selection, noise: NoiseModel, effects: Sequence[Effect], tell: Tell
+) -> tuple[_Start, Selection]:
+    """Names once more where what is left shows that the noise is less than it seemed."""
+    tell("naming with the noise seen behind the effects")
+    shooting = dataclasses.replace(start.shooting, noise=noise)
+    nominal = shooting.fit([((), ())], start.nominal.starts)[0]
+    best = selection.best
+    quiet = dataclasses.replace(start, shooting=shooting, nominal=nominal, sets=_leaders(selection), starts=best.starts)
+    return quiet, select(shooting, effects, nominal, quiet.sets, best.starts, tell, selection.score.free)
 
 
 def _finish(

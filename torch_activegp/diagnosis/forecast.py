@@ -8,7 +8,6 @@ from typing import Any
 import numpy as np
 
 from torch_activegp.diagnosis.engine import Candidate, Engine
-from torch_activegp.diagnosis.fit import Fit
 from torch_activegp.diagnosis.noise_model import NoiseModel
 from torch_activegp.diagnosis.runs import Array, Run
 from torch_activegp.diagnosis.segments import cut
@@ -43,10 +42,10 @@ def free_run(
     whole, pieces = cut(runs, 1e9, 0.0), cut(runs, _FIRST, 0.0)
     start, sets = engine.starts(whole), [(candidate.effects, candidate.values) for candidate in candidates]
     heads = pieces.pick(np.flatnonzero(pieces.first == 0))
-    begun = [fit.starts for fit in Shooting(engine, heads, noise).fit(sets, start, _ROUNDS, hold=True)]
-    either = np.stack([*begun, *[start] * len(sets)])
-    fits = Shooting(engine, whole, noise).fit([*sets, *sets], either, _ROUNDS, hold=True)
-    starts = np.stack([_better(*pair) for pair in zip(fits[: len(sets)], fits[len(sets) :], strict=True)])
+    begun = np.stack([fit.starts for fit in Shooting(engine, heads, noise).fit(sets, start, _ROUNDS, hold=True)])
+    shooting = Shooting(engine, whole, noise)
+    first = _better(shooting, candidates, begun, np.broadcast_to(start, begun.shape))
+    starts = np.stack([fit.starts for fit in shooting.fit(sets, first, _ROUNDS, hold=True)])
     predicted, _ = engine.predict(whole, starts, candidates)
     return [
         [(path[i, : len(run)], begin[i]) for i, run in enumerate(runs)]
@@ -54,9 +53,13 @@ def free_run(
     ]
 
 
-def _better(one: Fit, other: Fit) -> Array:
-    """The initial states of two fits from which each run is followed better."""
-    return np.where((one.per_segment <= other.per_segment)[:, None], one.starts, other.starts)
+def _better(shooting: Shooting, candidates: Sequence[Candidate], one: Array, other: Array) -> Array:
+    """Of two initial states ``(N, S, nq + nv)`` those from which a candidate follows a run better."""
+    states = np.concatenate([one, other])
+    predicted, _ = shooting.engine.predict(shooting.segments, states, [*candidates, *candidates])
+    chi2 = np.nan_to_num((shooting.residuals(predicted) ** 2).sum(axis=-1), nan=np.inf)
+    ahead = chi2[: len(one)] <= chi2[len(one) :]
+    return np.where(ahead[..., None], one, other)
 
 
 def compare(

@@ -22,6 +22,8 @@ _LITTLE = 0.05
 _HOPE = 0.01
 SETTLE = 4
 _STOPPED = 0.02
+_STALE = 2
+"""Steps with old derivatives by the states, before new ones where the last step still changed much."""
 _FAILED = 1e30
 """Stands for the chi2 of a segment whose simulation failed."""
 
@@ -94,7 +96,8 @@ class Problem:
         self._reach = shooting.state_reach()
         self._brake = np.ones(len(starts))
         self._steps = np.zeros(0)
-        self._residual = np.zeros(0)
+        self._raw = np.zeros(0)
+        self._known = False
         self._predicted = 0.0
         self._age = 0 if design is None else 1
         self._stale = design is not None
@@ -114,10 +117,11 @@ class Problem:
         return self._hold or self._settling > 0
 
     def ask(self) -> tuple[list[Candidate], Array]:
-        """A trial alone, or the derivatives at the best point, or both in the beginning.
+        """A trial alone, or what derivatives at the best point want, or both in the beginning.
 
         Derivatives are computed anew only where the last step has changed much.
         """
+        self._known = False
         flat, starts = self._trial, self._trial_starts
         base = Candidate(self.effects, self._values(flat))
         if self._design is not None and self._still:
@@ -135,10 +139,14 @@ class Problem:
             moved = flat.copy()
             moved[i] += self._steps[i]
             candidates.append(Candidate(self.effects, self._values(moved)))
-        return candidates, states
+        at = self._best
+        self._known = at is not None and flat is at["flat"] and starts is at["starts"] and len(candidates) > 1
+        return candidates[self._known :], states[self._known :]
 
     def tell(self, white: Array, last: bool) -> None:
         """Takes the whitened residuals of what was asked for and makes the next trial."""
+        if self._known:
+            white = np.concatenate([self._raw[None], white])
         residual = white[0]
         per_segment = np.nan_to_num((residual**2).sum(-1), nan=_FAILED, posinf=_FAILED)
         chi2 = total(per_segment)
@@ -172,7 +180,7 @@ class Problem:
         old, chi2 = self.chi2, total(per_segment)
         if chi2 <= old:
             self._best = {"chi2": chi2, "flat": self._trial, "starts": self._trial_starts, "per_segment": per_segment}
-            self._residual = np.nan_to_num(residual)
+            self._raw = residual
         assert self._design is not None and self._columns is not None
         self._linear = eliminate(self._design, self._columns, np.nan_to_num(residual))
         fell = old - chi2
@@ -195,10 +203,10 @@ class Problem:
         better = per_segment < old
         starts = np.where(better[:, None], self._trial_starts, np.asarray(self._best["starts"]))
         level = np.where(better, per_segment, old)
-        self._residual = np.where(better[:, None], np.nan_to_num(residual), self._residual)
+        self._raw = np.where(better[:, None], residual, self._raw)
         fell = float((old - level).sum())
         self._best = {"chi2": total(level), "flat": self._trial, "starts": starts, "per_segment": level}
-        self._linear = eliminate(self._design, self._columns, self._residual)
+        self._linear = eliminate(self._design, self._columns, np.nan_to_num(self._raw))
         self._brake = np.where(better, np.minimum(2.0 * self._brake, 1.0), 0.3 * self._brake)
         self._age += 1
         big = fell > _MUCH * self.chi2
@@ -206,7 +214,7 @@ class Problem:
         self.finished = last or (fell < 1e-4 * self.chi2 + _LITTLE and bool((self._brake < 0.05)[~better].all()))
         if last:
             return
-        if misled or (big and self._age >= 2):
+        if misled or (big and self._age > _STALE):
             self._trial_starts = starts
             self._design = self._columns = None
             self._brake[:] = 1.0

@@ -1,0 +1,46 @@
+from __future__ import annotations
+
+import dataclasses
+
+import numpy as np
+import pytest
+from scipy.signal import lfilter
+
+from torch_activegp.diagnosis.engine import NOMINAL
+from torch_activegp.diagnosis.noise_left import quieter
+from torch_activegp.diagnosis.noise_model import NoiseModel
+
+
+def with_noise(bench, level: float, scale: float, pole: float = 0.0):
+    """The likelihood and the fit of a perfect model whose noise is said to be of some level."""
+    rng = np.random.default_rng(3)
+    exact = bench.engine.predict(bench.segments, bench.nominal.starts[None], [NOMINAL])[0][0]
+    fresh = rng.normal(size=(exact.shape[0], 200 + exact.shape[1], exact.shape[2]))
+    coloured = lfilter([np.sqrt(1 - pole**2)], [1, -pole], fresh, axis=1)[:, 200:]
+    segments = dataclasses.replace(bench.segments, position=exact + scale * coloured)
+    shooting = dataclasses.replace(bench.shooting, segments=segments, noise=NoiseModel.white(np.array([level])))
+    return shooting, shooting.fit([((), ())], bench.nominal.starts)[0]
+
+
+@pytest.mark.parametrize("pole", [0.0, 0.7])
+def test_noise_that_was_thought_too_loud_is_seen(clean, pole) -> None:
+    shooting, fit = with_noise(clean, 1e-2, 1e-3, pole)
+    found = quieter(shooting, fit)
+    assert found is not None
+    assert found.innovation[0] == pytest.approx(1e-3 * np.sqrt(1 - pole**2), rel=0.12)
+    assert found.colour.any() == (pole > 0.0)
+    again = dataclasses.replace(shooting, noise=found)
+    assert quieter(again, again.fit([((), ())], fit.starts)[0]) is None
+
+
+@pytest.mark.parametrize("level", [1e-3, 3e-4])
+def test_noise_is_never_made_louder(clean, level) -> None:
+    shooting, fit = with_noise(clean, level, 1e-3)
+    assert quieter(shooting, fit) is None
+
+
+def test_too_few_values_and_failed_simulations_say_nothing(clean) -> None:
+    shooting, fit = with_noise(clean, 1e-2, 1e-3)
+    few = shooting.pick(np.arange(2))
+    assert quieter(few, fit.pick(np.arange(2))) is None
+    assert quieter(shooting, dataclasses.replace(fit, starts=fit.starts * np.nan)) is None
