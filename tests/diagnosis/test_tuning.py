@@ -68,8 +68,9 @@ def test_what_is_undone_comes_on_top_of_a_set(bench) -> None:
 
 
 def test_a_tuning_gains_less_alone_than_beside_what_it_hides(bench) -> None:
-    def fit(chi2: float, count: int = 1):
-        return dataclasses.replace(bench.nominal, chi2=chi2, effects=(bench.effect("viscous_friction"),) * count)
+    def fit(chi2: float, count: int = 1, damping: float = 0.1):
+        effects, values = (bench.effect("viscous_friction"),) * count, (np.array([damping]),) * count
+        return dataclasses.replace(bench.nominal, chi2=chi2, effects=effects, values=values)
 
     nominal, best = fit(1000.0), fit(0.0)
     assert only_undoes(nominal, fit(950.0), fit(300.0), best)
@@ -81,3 +82,4 @@ def test_a_tuning_gains_less_alone_than_beside_what_it_hides(bench) -> None:
     assert not only_undoes(nominal, fit(100.0), fit(300.0), best)
     assert only_undoes(nominal, fit(800.0, count=3), fit(300.0), best)
     assert not only_undoes(nominal, fit(100.0, count=3), fit(300.0), best)
+    assert only_undoes(nominal, fit(700.0), fit(300.0), fit(0.0, damping=-0.1))  # a damping that drives

@@ -36,6 +36,8 @@ _TOO_FAR = 400.0
 _GROWTH = 6.0
 _SETTLED = 0.5
 _RIVAL = 20.0
+_SHORT = 0.015
+"""Part of its chi2 by which a fit of a law with kinks may end short of its optimum."""
 _NEAR = 6
 _POLISHES = 4
 _QUIETER = 3
@@ -194,7 +196,7 @@ def _finish(
 
 
 def _polish(shooting: Shooting, selection: Selection) -> None:
-    """The best set with all derivatives taken there, and its close rivals from the states that it found.
+    """The best set with all derivatives taken there, and its close rivals from the states and parameters that it found.
 
     Sets that nothing tells apart reach the same chi2 only so, and each may show the others the way.
     """
@@ -205,10 +207,15 @@ def _polish(shooting: Shooting, selection: Selection) -> None:
         if gained > _SETTLED:
             selection.fits = [again if fit is best else fit for fit in selection.fits]
             best = again
-        reach = selection.score(best) + _RIVAL + 2.0 * max(gained, 0.0) / selection.score.scale
+        short = max(2.0 * max(gained, 0.0), _SHORT * best.chi2) / selection.score.scale
+        reach = selection.score(best) + _RIVAL + short
         near = [fit for fit in selection.ranked()[:_NEAR] if fit is not best and selection.score(fit) < reach]
         if near:
-            sets = [(fit.effects, fit.values) for fit in near]
+            found = dict(zip(best.effects, best.values, strict=True))
+            sets = [
+                (fit.effects, tuple(found.get(e, v) for e, v in zip(fit.effects, fit.values, strict=True)))
+                for fit in near
+            ]
             selection.add(shooting.fit(sets, best.starts, design=best.design))
         selection.rescale(shooting.dof)
         if gained <= _SETTLED and selection.score(selection.best) > selection.score(best) - _SETTLED:

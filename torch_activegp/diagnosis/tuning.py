@@ -7,6 +7,7 @@ from collections.abc import Sequence
 from torch_activegp.diagnosis.fit import Fit
 from torch_activegp.diagnosis.proposals import Set, diverse, join, with_values
 from torch_activegp.diagnosis.screening import Atom, Screen
+from torch_activegp.physics.effect import Effect
 
 _MOST = 4
 _MORE = 20.0
@@ -17,6 +18,8 @@ _NEARLY = 0.9
 _HIDDEN = (0.2, 0.4, 0.75)
 """Largest gain alone over the gain beside the rest, of one, two, or more that undo a tuning. Tuned cases measured 0 to
 0.7, with many corrections each; effects of their own mostly above 1, and 0.36 where one hides the other."""
+_CERTAIN = 1.1
+"""The same where a damping comes out below zero: the nominal has too much of it, and only a modeller put it there."""
 _LIKELY = (0.4, 0.6, 0.85)
 """The same to first order, for what is worth a fit: 8 of 11 tuned cases measured 0.08 to 0.66, two effects 0.5 to 3."""
 
@@ -56,6 +59,12 @@ def _hide(screened: Screen, some: Sequence[Atom]) -> bool:
     atom, *tunable = some
     beside = screened.joint_gain(some) - screened.joint_gain([atom])
     return screened.joint_gain(tunable) < _bar(_LIKELY, len(tunable)) * beside
+
+
+def _drives(fit: Fit, effects: Sequence[Effect]) -> bool:
+    """Whether one of some effects is a viscous friction below zero: no physics that was left out."""
+    pairs = zip(fit.effects, fit.values, strict=True)
+    return any(e.name == "viscous_friction" and v[0] < 0.0 for e, v in pairs if e in effects)
 
 
 def _bar(shares: Sequence[float], count: int) -> float:
@@ -103,5 +112,5 @@ def only_undoes(nominal: Fit, alone: Fit, without: Fit, best: Fit) -> bool:
         without: with the others alone; no worse than the nominal, whatever its fit says.
         best: with all of them.
     """
-    share = _bar(_HIDDEN, len(alone.effects))
+    share = _CERTAIN if _drives(best, alone.effects) else _bar(_HIDDEN, len(alone.effects))
     return nominal.chi2 - alone.chi2 < share * (min(without.chi2, nominal.chi2) - best.chi2)
