@@ -236,17 +236,17 @@ class Cogging(JointEffect):
         scale = _SMALL * place.force
         width = max(place.position[1] - place.position[0], 1e-9)
         fastest = 0.6 * np.pi / (max(place.top_speed, 1e-9) * place.dt)
-        if place.position_unit == "rad":
+        turns = place.position_unit == "rad"
+        if turns:
             periods = [float(n) for n in _PERIODS if n * width > np.pi and n < 4 * fastest] or [1.0]
         else:
             periods = [2 * np.pi * n / width for n in (2, 3, 4, 6, 8, 11, 16, 22, 32)]
         spread = 0.5 * np.pi / width
+        least = min(max(1.0 if turns else 0.0, 1.0 / width), *periods)  # less than that is no cogging but a spring
         parameters = (
             Parameter("sine", place.force_unit, scale),
             Parameter("cosine", place.force_unit, scale),
-            Parameter(
-                "periods", "1/turn" if place.position_unit == "rad" else f"rad/{place.position_unit}", spread, low=0.1
-            ),
+            Parameter("periods", "1/turn" if turns else f"rad/{place.position_unit}", spread, low=least),
         )
         return cls.make(place, parameters, [[scale, scale, n] for n in periods], linear=2)
 
