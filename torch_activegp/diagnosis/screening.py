@@ -74,7 +74,7 @@ class Screen:
         amplitude = inverse @ self.gradient[index]
         ends = np.cumsum([a.columns.stop - a.columns.start for a in atoms])
         parts = [slice(end - (a.columns.stop - a.columns.start), end) for a, end in zip(atoms, ends, strict=True)]
-        return [float(amplitude[p] @ np.linalg.pinv(inverse[p, p]) @ amplitude[p]) for p in parts]
+        return [_wald(amplitude[part], inverse[part, part]) for part in parts]
 
     def together(self, atoms: Sequence[Atom]) -> tuple[float, list[Array]]:
         """What several atoms gain together, and the parameters with which they do."""
@@ -250,6 +250,13 @@ def _project(states: Array, fitted: Array, columns: Array, residual: Array) -> t
         gradient = gradient[p:] - normal[p:, :p] @ inverse @ gradient[:p]
         normal = normal[p:, p:] - normal[p:, :p] @ inverse @ normal[:p, p:]
     return normal, gradient
+
+
+def _wald(amplitude: Array, covariance: Array) -> float:
+    """What is lost without some amplitudes."""
+    if amplitude.size == 1 and covariance[0, 0] > 0.0:
+        return float(amplitude[0] ** 2 / covariance[0, 0])
+    return float(amplitude @ np.linalg.pinv(covariance) @ amplitude)
 
 
 def _gain(normal: Array, gradient: Array) -> tuple[float, Array]:

@@ -37,7 +37,9 @@ def beside(screened: Screen, price: float, alone: float, together: float) -> lis
         together: what the best effects in any company gain; with a tuning they must gain nearly as much.
     """
     tunable = [atom for atom in screened.best() if atom.effect.tunable]
+    least = max(alone + _MORE, _HELPED * alone, _NEARLY * together)
     found = [(screened.joint_gain([a, *tunable]), a) for a in screened.atoms if not a.effect.tunable]
+    found = [(gain, a) for gain, a in found if gain > least]
     chosen: list[tuple[float, list[Atom]]] = []
     for atom in diverse([a for _, a in sorted(found, key=lambda item: -item[0])], len(found)):
         some = [atom, *paying(screened, [atom], tunable, price)]
@@ -47,9 +49,8 @@ def beside(screened: Screen, price: float, alone: float, together: float) -> lis
         if len(chosen) == _MOST:
             break
     chosen.sort(key=lambda item: -item[0])
-    together = max([together, *(worth for worth, _ in chosen)])
     hidden = [(worth, some) for worth, some in chosen if _hide(screened, some)]
-    if not hidden or hidden[0][0] < max(alone + _MORE, _HELPED * alone, _NEARLY * together):
+    if not hidden or hidden[0][0] < max(least, _NEARLY * chosen[0][0]):
         return []
     return [some for _, some in hidden]
 
