@@ -25,7 +25,7 @@ def _friction(name: str, t: Typical, j: int, rng: np.random.Generator) -> Hidden
     if name == "coulomb_friction":
         return Hidden(
             name, f"joint:{t.joints[j]}", columns(j, lambda s: {J.DRY_FORTH: s * force, J.DRY_BACK: s * force}),
-            lambda s: {"level": (s * force, level)}, region=lambda s: {f"qvel.{t.joints[j]}": (-fall, fall)},
+            lambda s: {"level": (s * force, level)},
         )  # fmt: skip
     if name == "stribeck_friction":
         return Hidden(
@@ -34,6 +34,7 @@ def _friction(name: str, t: Typical, j: int, rng: np.random.Generator) -> Hidden
                                    J.STRIBECK: fall}),
             lambda s: {"coulomb": (s * force, level), "static": (s * force * (1 + excess), level),
                        "velocity": (fall, f"{x}/s")},
+            region=lambda s: {f"qvel.{t.joints[j]}": (-fall, fall)},
         )  # fmt: skip
     if name == "quadratic_drag":
         return Hidden(
