@@ -3,9 +3,11 @@ from __future__ import annotations
 import dataclasses
 
 import mujoco
+import numpy as np
 import pytest
 
-from torch_activegp.diagnosis.explain import _longest, explain
+from torch_activegp.diagnosis.explain import _longest, _starts_of, explain
+from torch_activegp.diagnosis.noise_model import NoiseModel
 from torch_activegp.diagnosis.numerics import Numerics
 
 NAMES = ("viscous_friction", "coulomb_friction", "constant_force", "actuator_delay")
@@ -24,6 +26,30 @@ def test_friction_is_found_with_the_level_of_the_noise(bench) -> None:
     assert found.effects == tuple(some(bench))
     assert stages[0] == "noise floor"
     assert "naming on all data" in stages
+
+
+def test_a_floor_that_is_too_high_is_taken_anew(bench, monkeypatch) -> None:
+    """Viscous friction is seen through four times the noise; then the noise is, and with it the friction's interval."""
+    monkeypatch.setattr(
+        "torch_activegp.diagnosis.explain.noise_floor", lambda runs: NoiseModel.white(np.array([4 * bench.noise]))
+    )
+    stages: list[str] = []
+    found = explain(bench.machine, some(bench), 1, stages.append)
+    assert "naming with the noise seen behind the effects" in stages
+    assert found.selection.best.keys == {("viscous_friction", "joint:hip")}
+    assert found.shooting.noise.scale[0] == pytest.approx(bench.noise, rel=0.15)
+    assert found.selection.best.chi2 / found.shooting.dof == pytest.approx(1.0, abs=0.2)
+
+
+def test_a_rival_begins_from_its_own_parameters_and_from_those_of_the_best(bench) -> None:
+    friction, push = bench.effect("viscous_friction"), bench.effect("constant_force")
+    best = bench.fit("viscous_friction", 0.06)
+    values = (np.array([0.03]), np.array([0.1]))
+    rival = dataclasses.replace(best, effects=(friction, push), values=values)
+    (_, own), (_, shared) = _starts_of(rival, best)
+    assert own == values
+    assert shared == (best.values[0], values[1])
+    assert len(_starts_of(dataclasses.replace(rival, values=(best.values[0], values[1])), best)) == 1
 
 
 def test_a_coarse_time_step_is_not_taken_for_a_delay(clean) -> None:

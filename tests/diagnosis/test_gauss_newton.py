@@ -85,5 +85,7 @@ def test_no_point_is_simulated_twice(line, monkeypatch) -> None:
         return candidates, states
 
     monkeypatch.setattr(Problem, "ask", listen)
-    line(5.0)
+    fit = line(5.0).result()
     assert len(set(asked)) == len(asked)
+    np.testing.assert_allclose(fit.design, 1.0, rtol=1e-6)
+    np.testing.assert_allclose(fit.information, np.var(np.linspace(-1.0, 2.0, 12)) * 12, rtol=1e-6)

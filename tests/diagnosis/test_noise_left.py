@@ -44,3 +44,23 @@ def test_too_few_values_and_failed_simulations_say_nothing(clean) -> None:
     few = shooting.pick(np.arange(2))
     assert quieter(few, fit.pick(np.arange(2))) is None
     assert quieter(shooting, dataclasses.replace(fit, starts=fit.starts * np.nan)) is None
+
+
+def test_what_is_left_of_physics_is_no_colour(clean) -> None:
+    """A slow error below the noise that was thought: its level would do, but it is not white behind any filter."""
+    shooting, fit = with_noise(clean, 1e-2, 1e-4)
+    time = np.arange(shooting.segments.intervals + 1) / 100
+    slow = 3e-3 * np.sin(2 * np.pi * 6.0 * time)[None, :, None]
+    segments = dataclasses.replace(shooting.segments, position=shooting.segments.position + slow)
+    bent = dataclasses.replace(shooting, segments=segments)
+    assert quieter(bent, fit) is None
+
+
+def test_noise_is_not_below_what_rigid_bodies_hold(clean) -> None:
+    shooting, fit = with_noise(clean, 1e-2, 1e-9)
+    spread = np.sqrt(np.mean([run.position.var(axis=0) for run in shooting.segments.runs], axis=0))
+    found = quieter(shooting, fit)
+    assert found is not None
+    assert found.innovation[0] == pytest.approx(3e-5 * spread[0], rel=1e-6)
+    again = dataclasses.replace(shooting, noise=found)
+    assert quieter(again, fit) is None

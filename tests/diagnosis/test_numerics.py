@@ -23,6 +23,8 @@ def test_the_forms_of_a_model(bench) -> None:
     assert (made.fine.model.opt.integrator, made.fine.substeps) == (RK4, 10)
     assert (made.middle.model.opt.integrator, made.middle.substeps) == (RK4, 2)
     assert (made.coarse.model.opt.integrator, made.coarse.substeps) == (EULER, 2)
+    assert made.late is not None
+    assert (made.late.late, made.late.substeps) == (True, 2)
     made = Numerics.of(machine(bench, "RK4", 0.005), 1)
     assert made.coarse.model.opt.integrator == FAST
     assert made.fine is made.given

@@ -46,8 +46,8 @@ def test_what_hides_behind_a_tuning_shows_beside_it(screened) -> None:
 
 def test_what_gains_as_much_alone_hides_nothing(screened) -> None:
     """The same, but damping and rotor are off by themselves."""
-    residual = screened.gradient + screened.normal[:, 2:] @ np.array([3.0, -2.0])
-    assert beside(dataclasses.replace(screened, gradient=residual), PRICE, 0.0, 0.0) == []
+    gradient = screened.gradient + screened.normal[:, 2:] @ np.array([3.0, -2.0])
+    assert beside(dataclasses.replace(screened, gradient=gradient), PRICE, 0.0, 0.0) == []
 
 
 def test_only_what_pays_stays(screened) -> None:

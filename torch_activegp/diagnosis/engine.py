@@ -42,9 +42,9 @@ class Engine:
         nthread: threads; 0 for all cores.
         integrator: one of ``mujoco.mjtIntegrator`` in place of the model's own.
         stride: rows in each time step, where rows come faster than the motion needs; takes one substep.
-        late: controls come half a time step later. Semi-implicit Euler with a velocity that belongs to the middle
-            between two positions is the leapfrog scheme, of second order; half a step of the initial velocity is free
-            anyhow where it is fitted, and half a step of the control is not.
+        late: controls and forces come half a time step later. Semi-implicit Euler with a velocity that belongs to the
+            middle between two positions is the leapfrog scheme, of second order; half a step of the initial velocity is
+            free anyhow where it is fitted, and half a step of the control is not.
     """
 
     def __init__(
@@ -147,8 +147,10 @@ class Engine:
             for k, (row, after) in enumerate(itertools.pairwise(edges)):
                 time_step[:rows] = steps[:, k]
                 for j in range(calls):
-                    views["ctrl"][:] = _mean([control(r, i) for r, i in self._held_by(row, after, j)])
-                    views["qfrc_applied"][:] = _mean([force[:, :, r].reshape(rows, -1) for r in range(row, after)])
+                    taken = self._held_by(row, after, j)
+                    held_by = [max(r + i // self.substeps, 0) for r, i in taken]
+                    views["ctrl"][:] = _mean([control(r, i) for r, i in taken])
+                    views["qfrc_applied"][:] = _mean([force[:, :, r].reshape(rows, -1) for r in held_by])
                     if acting:
                         step = Step(
                             views["qpos"], views["qvel"], views["ctrl"], views["qfrc_applied"], fields, steps[:, k]
@@ -170,7 +172,7 @@ class Engine:
         return states.reshape(count, size, intervals + 1, self.state_size)
 
     def _held_by(self, row: int, after: int, substep: int) -> list[tuple[int, int]]:
-        """Whose controls a time step takes: intervals, and steps in them."""
+        """Whose inputs a time step takes: intervals, and steps in them; -1 is the one before."""
         if not self.late:
             return [(r, substep) for r in range(row, after)]
         if self.stride == 1:

@@ -38,6 +38,7 @@ _SETTLED = 0.5
 _RIVAL = 20.0
 _SHORT = 0.015
 """Part of its chi2 by which a fit of a law with kinks may end short of its optimum."""
+_ALIKE = 1e-3
 _NEAR = 6
 _POLISHES = 4
 _QUIETER = 3
@@ -114,7 +115,7 @@ def explain(
             noise = quieter(start.shooting, selection.best)
             if noise is None:
                 break
-            start, selection = _again(start, selection, noise, effects, tell)
+            start, selection = _again(machine, numerics, start, selection, noise, effects, tell)
         return start, selection
 
     def finish() -> Explanation:
@@ -134,8 +135,6 @@ def _start(
     """Names on a part of the data where there is much to explain."""
     segments, first = long
     engine, shooting, nominal, judged = numerics.choose(segments, noise, first, first)
-    shooting, nominal = _quietened(shooting, nominal)
-    noise, judged = shooting.noise, nominal
     sets: Sets = []
     free: frozenset[tuple[str, str]] = frozenset()
     excess = nominal.chi2 - shooting.dof
@@ -152,27 +151,24 @@ def _start(
     return _Start(engine, shooting, nominal, sets, judged.starts, free)
 
 
-def _quietened(shooting: Shooting, nominal: Fit) -> tuple[Shooting, Fit]:
-    """The likelihood with the noise that the nominal leaves, where that is less than was thought, and its fit."""
-    for _ in range(_QUIETER):
-        noise = quieter(shooting, nominal)
-        if noise is None:
-            break
-        shooting = dataclasses.replace(shooting, noise=noise)
-        nominal = shooting.fit([((), ())], nominal.starts)[0]
-    return shooting, nominal
-
-
 def _again(
-    start: _Start, selection: Selection, noise: NoiseModel, effects: Sequence[Effect], tell: Tell
+    machine: Machine,
+    numerics: Numerics,
+    start: _Start,
+    selection: Selection,
+    noise: NoiseModel,
+    effects: Sequence[Effect],
+    tell: Tell,
 ) -> tuple[_Start, Selection]:
-    """Names once more where what is left shows that the noise is less than it seemed."""
+    """Names once more where what is left shows that the noise is less than it seemed; numerics are judged by it too."""
     tell("naming with the noise seen behind the effects")
-    shooting = dataclasses.replace(start.shooting, noise=noise)
-    nominal = shooting.fit([((), ())], start.nominal.starts)[0]
-    best = selection.best
-    quiet = dataclasses.replace(start, shooting=shooting, nominal=nominal, sets=_leaders(selection), starts=best.starts)
-    return quiet, select(shooting, effects, nominal, quiet.sets, best.starts, tell, selection.score.free)
+    segments, nominal, sets = start.shooting.segments, start.nominal, _leaders(selection)
+    loud = start.shooting.noise.innovation.min() / noise.innovation.min()
+    if segments.far_off(nominal.per_segment * loud**2, _TOO_FAR).any():
+        segments, nominal = _longest(machine, numerics, noise, _TOO_FAR)
+    engine, shooting, nominal, judged = numerics.choose(segments, noise, nominal, nominal, sets)
+    quiet = _Start(engine, shooting, nominal, sets, judged.starts, selection.score.free)
+    return quiet, select(shooting, effects, nominal, sets, judged.starts, tell, quiet.free)
 
 
 def _finish(
@@ -200,26 +196,31 @@ def _polish(shooting: Shooting, selection: Selection) -> None:
 
     Sets that nothing tells apart reach the same chi2 only so, and each may show the others the way.
     """
-    for _ in range(_POLISHES if selection.best.effects else 0):
+    for number in range(_POLISHES if selection.best.effects else 0):
         best = selection.best
         again = chained(shooting, shooting.fit([(best.effects, best.values)], best.starts)[0])
         gained = best.chi2 - again.chi2 if again.plausible else 0.0
         if gained > _SETTLED:
             selection.fits = [again if fit is best else fit for fit in selection.fits]
             best = again
-        short = max(2.0 * max(gained, 0.0), _SHORT * best.chi2) / selection.score.scale
+        short = max(2.0 * max(gained, 0.0), 0.0 if number else _SHORT * best.chi2) / selection.score.scale
         reach = selection.score(best) + _RIVAL + short
         near = [fit for fit in selection.ranked()[:_NEAR] if fit is not best and selection.score(fit) < reach]
         if near:
-            found = dict(zip(best.effects, best.values, strict=True))
-            sets = [
-                (fit.effects, tuple(found.get(e, v) for e, v in zip(fit.effects, fit.values, strict=True)))
-                for fit in near
-            ]
+            sets = [some for fit in near for some in _starts_of(fit, best)]
             selection.add(shooting.fit(sets, best.starts, design=best.design))
         selection.rescale(shooting.dof)
         if gained <= _SETTLED and selection.score(selection.best) > selection.score(best) - _SETTLED:
             break
+
+
+def _starts_of(fit: Fit, best: Fit) -> Sets:
+    """A set with its own parameters, and with those of the best one for what they share, where that differs."""
+    found = dict(zip(best.effects, best.values, strict=True))
+    shared = tuple(found.get(e, v) for e, v in zip(fit.effects, fit.values, strict=True))
+    own = [(fit.effects, fit.values)]
+    far = any(not np.allclose(a, b, rtol=_ALIKE) for a, b in zip(shared, fit.values, strict=True))
+    return [*own, (fit.effects, shared)] if far else own
 
 
 def _leaders(selection: Selection) -> Sets:

@@ -34,7 +34,9 @@ def one_step(engine: Engine, candidate: Candidate, run: Run) -> Array:
 def free_run(
     engine: Engine, candidates: Sequence[Candidate], runs: Sequence[Run], noise: NoiseModel
 ) -> list[list[tuple[Array, Array]]]:
-    """Positions of whole runs, each from one initial state, fitted to the first second and then to all of it.
+    """Positions of whole runs, each from one fitted initial state.
+
+    The fit begins where one to the first second ends, or with the smoothed recording, whichever leads on better.
 
     Returns:
         For each candidate and each run, positions ``(K + 1, C)``, rad or m, and the initial state, ``(nq + nv,)``.

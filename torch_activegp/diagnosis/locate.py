@@ -76,7 +76,6 @@ def locate(shooting: Shooting, fit: Fit) -> list[Region]:
     variables = _variables(shooting, linear)
     residual = shooting.residual_of(fit)
     starts = shooting.whiten_columns(linear.respond_to_start())
-    none = np.zeros((*starts.shape[:2], 0))
     regions = []
     for channel, joint in enumerate(shooting.engine.channels.joints):
         for over, values in variables.items():
@@ -84,7 +83,7 @@ def locate(shooting: Shooting, fit: Fit) -> list[Region]:
             which = np.clip(np.digitize(values, edges[1:-1]), 0, len(edges) - 2)
             indicators = np.eye(len(edges) - 1)[which]
             columns = shooting.whiten_columns(linear.respond_to_force(channel, indicators))
-            normal, gradient = _project(starts, none, columns, residual)
+            normal, gradient = _project(starts, columns, residual)
             gain, force = _gain(normal, gradient)
             spread = np.sqrt(np.maximum(np.diag(invert(normal, 1e-8)), 0.0))
             count = indicators.sum(axis=(0, 1))

@@ -11,6 +11,7 @@ import numpy as np
 from torch_activegp.data import Recording
 from torch_activegp.diagnosis.blackbox import BlackBox, check_clock, check_rates, check_recordings
 from torch_activegp.diagnosis.runs import MIN_ROWS, Channels, Run, input_addresses, make_run
+from torch_activegp.diagnosis.wrong_units import check_units
 from torch_activegp.errors import DataError
 
 _SHARE = 0.2
@@ -51,7 +52,8 @@ def make_machine(
         box: the simulator that the model stands for, where that is not MuJoCo.
 
     Raises:
-        DataError: there is no recording, or one does not fit the model, is too short, or does not move.
+        DataError: there is no recording, or one does not fit the model, is too short, does not move, or seems to be in
+            another unit.
         ConfigurationError: a black box moves its positions otherwise than its velocities say.
     """
     if not recordings:
@@ -70,6 +72,8 @@ def make_machine(
     fit = [make_run(recording, model, channels) for recording in recordings]
     kept = [make_run(recording, model, channels) for recording in holdout]
     _refuse_constant(fit, channels)
+    if box is None and channels.prescribed is None:
+        check_units(model, channels, fit)
     if box is not None:
         check_recordings(box, [*recordings, *holdout])
         check_clock(box, [*fit, *kept])

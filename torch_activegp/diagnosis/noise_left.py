@@ -6,15 +6,18 @@ import numpy as np
 from numpy.typing import NDArray
 
 from torch_activegp.diagnosis.fit import Fit
-from torch_activegp.diagnosis.noise_model import NoiseModel, colour_family
+from torch_activegp.diagnosis.noise_model import SEEN, NoiseModel, colour_scale, likeliest
 from torch_activegp.diagnosis.runs import Array
 from torch_activegp.diagnosis.shooting import Shooting
 
-_SEEN = 10.0
-"""Twice the logarithm of a likelihood ratio that tells a colour, or another level, from the old one."""
+_LESS = 0.9
+"""Noise is taken anew where its variance falls to less than this part: floors are known to a few percent."""
 _LEAST = 200
 """Fewer values of a channel say too little."""
 _FINEST = 3e-5
+"""What is new in each value is no less than this part of the motion: rigid bodies are no more exact."""
+_CORRELATED = 0.3
+"""Largest correlation of what is new with what was new before: what is more is physics, not a filter."""
 
 
 def quieter(shooting: Shooting, fit: Fit) -> NoiseModel | None:
@@ -33,39 +36,51 @@ def quieter(shooting: Shooting, fit: Fit) -> NoiseModel | None:
     """
     predicted, _ = shooting.engine.predict(shooting.segments, fit.starts[None], [fit.candidate])
     offset = 0.0 if shooting.offset is None else shooting.offset
-    residual = shooting.segments.position - offset - predicted[0]
-    if not np.isfinite(residual[shooting.segments.counts]).all():
+    residual, counts = shooting.segments.position - offset - predicted[0], shooting.segments.counts
+    usable = np.asarray(counts[:, 2:] & counts[:, 1:-1] & counts[:, :-2])
+    if usable.sum() < _LEAST or not np.isfinite(residual[counts]).all():
         return None
     old = shooting.noise
     scale, colour = old.scale.copy(), old.colour.copy()
-    spread = shooting.segments.position[shooting.segments.counts].std(axis=0)
+    spread = np.sqrt(np.mean([run.position.var(axis=0) for run in shooting.segments.runs], axis=0))
     freed = shooting.dof / max(shooting.samples, 1)
-    for channel in range(len(scale)):
-        series, usable = residual[..., channel], _usable(shooting.segments.counts)
-        if usable.sum() < _LEAST:
-            continue
-        count, thought = int(usable.sum()), float(old.innovation[channel]) ** 2
-        ratio = _innovation(series, usable, tuple(old.colour[channel])) / freed / thought
-        worth = {poles: count * np.log(_innovation(series, usable, poles) / freed) for poles in colour_family()}
-        poles = min(worth, key=lambda key: worth[key])
-        if worth[poles] > worth[0.0, 0.0] - _SEEN:
-            poles = (0.0, 0.0)
-        if ratio > 1.0 or count * (np.log(thought) + ratio - 1.0) - worth[poles] < _SEEN:
-            continue
-        level = NoiseModel(np.ones(1), np.array([poles])).innovation[0]
-        found = float(np.exp(0.5 * worth[poles] / count) / level)
-        scale[channel], colour[channel] = max(found, _FINEST * spread[channel]), poles
-    if np.array_equal(scale, old.scale):
-        return None
-    return NoiseModel(scale, colour)
+    found = False
+    for channel, thought in enumerate(old.innovation**2):
+        least = min(float(thought), (_FINEST * spread[channel]) ** 2)
+        channel_left = _Left(residual[..., channel], usable, freed, least)
+        poles = likeliest(channel_left.innovation, int(usable.sum()))
+        new, before = channel_left.innovation(poles), channel_left.innovation(tuple(old.colour[channel])) / thought
+        gained = usable.sum() * (np.log(thought / new) + before - 1.0)
+        if before <= 1.0 and new < _LESS * thought and gained > SEEN and channel_left.is_white(poles):
+            found = True
+            scale[channel], colour[channel] = np.sqrt(new) / colour_scale(poles), poles
+    return NoiseModel(scale, colour) if found else None
 
 
-def _usable(counts: NDArray[np.bool_]) -> NDArray[np.bool_]:
-    """Where a value and the two before it count, ``(S, K - 1)``."""
-    return np.asarray(counts[:, 2:] & counts[:, 1:-1] & counts[:, :-2])
+class _Left:
+    """What is left of one channel.
 
+    Args:
+        series: ``(S, K + 1)``.
+        usable: where a value and the two before it count, ``(S, K - 1)``.
+        freed: degrees of freedom over samples.
+        least: variance of what is new, at least.
+    """
 
-def _innovation(series: Array, usable: NDArray[np.bool_], poles: tuple[float, float]) -> float:
-    """Variance of what is new in each value of ``(S, K + 1)``."""
-    fresh = series[:, 2:] - poles[0] * series[:, 1:-1] - poles[1] * series[:, :-2]
-    return float(np.mean(fresh[usable] ** 2)) + 1e-300
+    def __init__(self, series: Array, usable: NDArray[np.bool_], freed: float, least: float) -> None:
+        self._series, self._usable, self._freed, self._least = series, usable, freed, least
+
+    def _fresh(self, poles: tuple[float, float]) -> Array:
+        """What is new in each value, zero where it is not known, ``(S, K - 1)``."""
+        fresh = self._series[:, 2:] - poles[0] * self._series[:, 1:-1] - poles[1] * self._series[:, :-2]
+        return np.where(self._usable, fresh, 0.0)
+
+    def innovation(self, poles: tuple[float, float]) -> float:
+        """Variance of what is new."""
+        return max(float((self._fresh(poles) ** 2).sum() / self._usable.sum()) / self._freed, self._least, 1e-300)
+
+    def is_white(self, poles: tuple[float, float]) -> bool:
+        """Whether what is new in a value says nothing about the next ones."""
+        fresh = self._fresh(poles)
+        total = float((fresh**2).sum())
+        return all(abs(float((fresh[:, k:] * fresh[:, :-k]).sum())) <= _CORRELATED * total for k in (1, 2, 3))

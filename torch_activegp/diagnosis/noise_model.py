@@ -3,11 +3,15 @@
 from __future__ import annotations
 
 import dataclasses
+from collections.abc import Callable
 
 import numpy as np
 
 from torch_activegp.diagnosis.runs import Array
 from torch_activegp.diagnosis.segments import Segments
+
+SEEN = 10.0
+"""Twice the logarithm of a likelihood ratio that tells one noise from another."""
 
 
 @dataclasses.dataclass(frozen=True)
@@ -53,6 +57,23 @@ class NoiseModel:
             out = np.concatenate([out[..., :2, :], np.where(usable, inner * fresh, out[..., 2:, :])], axis=-2)
         out = np.where(segments.counts[..., None], out, 0.0)
         return out.reshape(*out.shape[:-2], out.shape[-2] * out.shape[-1])
+
+
+def colour_scale(poles: tuple[float, float]) -> float:
+    """Standard deviation of what is new in each value of noise of some colour and unit variance."""
+    return float(NoiseModel(np.ones(1), np.array([poles])).innovation[0])
+
+
+def likeliest(innovation: Callable[[tuple[float, float]], float], count: int) -> tuple[float, float]:
+    """The colour of the family with the least variance of what is new; white noise in doubt.
+
+    Args:
+        innovation: variance of what is new, by the coefficients of the last two values.
+        count: how many values it is the mean of.
+    """
+    misfit = {poles: count * np.log(innovation(poles)) for poles in colour_family()}
+    poles = min(misfit, key=lambda key: misfit[key])
+    return poles if misfit[poles] < misfit[0.0, 0.0] - SEEN else (0.0, 0.0)
 
 
 def colour_family() -> list[tuple[float, float]]:

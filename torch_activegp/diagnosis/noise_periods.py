@@ -8,7 +8,7 @@ import numpy as np
 import torch
 
 from torch_activegp.data.noise import quantum
-from torch_activegp.diagnosis.noise_model import NoiseModel, colour_family
+from torch_activegp.diagnosis.noise_model import colour_scale, likeliest
 from torch_activegp.diagnosis.runs import Array, Run
 
 _SHORTEST = 20
@@ -30,7 +30,6 @@ _CORRELATED = 0.3
 _CHAOS = 0.1
 _FINEST = 3e-5
 """Noise is between these parts of the motion: below, arithmetic differs; above, the motion itself does not repeat."""
-_SEEN = 10.0
 
 
 def noise_from_periods(runs: Sequence[Run], channel: int) -> tuple[tuple[float, float], float] | None:
@@ -54,11 +53,8 @@ def noise_from_periods(runs: Sequence[Run], channel: int) -> tuple[tuple[float, 
     count = sum(len(series) for _, series in found)
     if count < _LEAST:
         return None
-    worth = {poles: count * np.log(_innovation(found, poles)) for poles in colour_family()}
-    poles = min(worth, key=lambda key: worth[key])
-    if worth[poles] > worth[0.0, 0.0] - _SEEN:
-        poles = (0.0, 0.0)
-    scale = float(np.sqrt(_innovation(found, poles)) / NoiseModel(np.ones(1), np.array([poles])).innovation[0])
+    poles = likeliest(lambda poles: _innovation(found, poles), count)
+    scale = float(np.sqrt(_innovation(found, poles)) / colour_scale(poles))
     motion = min(float(run.position[:, channel].std()) for run, _ in found)
     step = max(quantum(torch.from_numpy(np.sqrt(2.0) * series)) for _, series in found)
     if not max(step, _FINEST * motion) < scale < _CHAOS * motion or not _is_white(found, poles):

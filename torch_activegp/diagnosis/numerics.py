@@ -92,10 +92,10 @@ class Numerics:
         fine: Runge-Kutta of fourth order; the same object where the model has it already.
         coarse: the model's own integrator, few steps.
         middle: Runge-Kutta with few steps, where coarse is not close enough; dry friction wants more of them.
-        late: coarse with its controls half a step later, which costs as little and is often close where coarse is
-            not; None where something touches.
         stiff: whether something touches in more than 1 % of the recorded poses, or constraints tie bodies together.
         finest: fine in shorter steps, for sets with effects that are forces held within a step; None for the same.
+        late: coarse with its inputs half a step later, which costs as little and is often close where coarse is not;
+            None where something touches or nothing drives.
     """
 
     given: Engine
@@ -130,7 +130,7 @@ class Numerics:
             fine if often == halfway else Engine(model, channels, halfway, nthread, _RUNGE_KUTTA),
             stiff,
             Engine(model, channels, short, nthread, _RUNGE_KUTTA) if short > often else None,
-            None if stiff else late,
+            late if model.nu and not stiff else None,
         )
 
     def choose(

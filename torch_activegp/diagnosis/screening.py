@@ -6,20 +6,25 @@ import dataclasses
 from collections.abc import Sequence
 
 import numpy as np
+from numpy.typing import NDArray
 
 from torch_activegp.diagnosis.elimination import eliminate, invert
-from torch_activegp.diagnosis.engine import Candidate
 from torch_activegp.diagnosis.fit import Fit
-from torch_activegp.diagnosis.linearize import Linearization, linearize
+from torch_activegp.diagnosis.linearize import linearize
 from torch_activegp.diagnosis.runs import Array
+from torch_activegp.diagnosis.sensitivities import (
+    control_changes,
+    effect_columns,
+    parameter_columns,
+    unit_values,
+    units_of,
+)
 from torch_activegp.diagnosis.shooting import Shooting
-from torch_activegp.physics.actuation import ActuatorEffect
 from torch_activegp.physics.effect import Effect
-from torch_activegp.physics.joint import JointEffect
-from torch_activegp.physics.play import Hysteresis
-from torch_activegp.physics.sensing import SensorEffect
 
 _SAME = 1e-6
+_MOST_BYTES = 60_000_000
+"""Of the columns that are tested side by side."""
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
@@ -88,18 +93,30 @@ def screen(shooting: Shooting, fit: Fit, effects: Sequence[Effect]) -> Screen:
     """Tests every effect at every seed on top of a fit.
 
     Force laws and what happens to controls are read off the linearisation around the fit's trajectories; only effects
-    that change masses or gravity are simulated.
+    that change masses or gravity are simulated. The segments are taken some at a time, so that a machine with many
+    joints and a long recording needs no more memory than another.
 
     Args:
         shooting: the likelihood.
         fit: what is there already.
         effects: what could come.
     """
-    linear = linearize(shooting, fit)
-    plan, columns = _columns(shooting, fit, effects, linear)
-    fitted = _parameter_columns(shooting, fit)
-    start, held, tested = (shooting.whiten_columns(block) for block in (linear.respond_to_start(), fitted, columns))
-    normal, gradient = _project(start, held, tested, shooting.residual_of(fit))
+    plan = [(e, seed, max(e.linear, 1)) for e in effects for seed in e.seeds]
+    wanted = [(e, values) for e, seed, _ in plan for values in unit_values(e, seed)]
+    changes = control_changes(wanted, shooting)
+    normal, gradient = np.zeros((0, 0)), np.zeros(0)
+    for some in _parts(shooting, fit.size + len(wanted)):
+        part, here = shooting.pick(some), fit.pick(some)
+        linear = linearize(part, here)
+        blocks = (
+            linear.respond_to_start(),
+            parameter_columns(part, here),
+            effect_columns(part, here, wanted, linear, changes),
+        )
+        start, held, tested = (part.whiten_columns(block) for block in blocks)
+        more, along = _project(start, np.concatenate([held, tested], axis=-1), part.residual_of(here))
+        normal, gradient = (normal + more, gradient + along) if normal.size else (more, along)
+    normal, gradient = _without(fit.size, normal, gradient)
     atoms, at = [], 0
     for effect, seed, width in plan:
         where = slice(at, at + width)
@@ -117,139 +134,31 @@ def _atom(effect: Effect, seed: Array, where: slice, gain: float, amplitude: Arr
 def _with_amplitude(effect: Effect, seed: Array, amplitude: Array) -> Array:
     values = seed.copy()
     if effect.linear:
-        values[: effect.linear] = amplitude * _units(effect, seed)
+        values[: effect.linear] = amplitude * units_of(effect, seed)
     return np.clip(values, [p.low for p in effect.parameters], [p.high for p in effect.parameters])
 
 
-def _units(effect: Effect, seed: Array) -> Array:
-    scales = np.array([p.scale for p in effect.parameters[: effect.linear]])
-    return np.where(seed[: effect.linear] != 0.0, seed[: effect.linear], scales)
+def _parts(shooting: Shooting, columns: int) -> list[NDArray[np.int64]]:
+    """Segments to test side by side: as many as have room."""
+    segments = shooting.segments
+    each = (segments.intervals + 1) * segments.position.shape[-1] * max(columns, 1) * 8
+    count = int(np.ceil(segments.size * each / _MOST_BYTES))
+    return np.array_split(np.arange(segments.size), min(max(count, 1), segments.size))
 
 
-def _unit_values(effect: Effect, seed: Array) -> list[Array]:
-    """The seed with one amplitude after the other, the rest of them zero; the seed itself where none is linear."""
-    if not effect.linear:
-        return [seed]
-    out = []
-    for i, unit in enumerate(_units(effect, seed)):
-        values = seed.copy()
-        values[: effect.linear] = 0.0
-        values[i] = unit
-        out.append(values)
-    return out
+def _project(states: Array, columns: Array, residual: Array) -> tuple[Array, Array]:
+    """Normal equations of the columns after the free states are projected out."""
+    linear = eliminate(states, columns, residual)
+    return linear.normal.sum(0), linear.gradient.sum(0)
 
 
-def _columns(
-    shooting: Shooting, fit: Fit, effects: Sequence[Effect], linear: Linearization
-) -> tuple[list[tuple[Effect, Array, int]], Array]:
-    """Changes of the recorded positions by every amplitude of every seed, ``(S, K + 1, C, A)``."""
-    plan = [(e, seed, max(e.linear, 1)) for e in effects for seed in e.seeds]
-    wanted = [(e, values) for e, seed, _ in plan for values in _unit_values(e, seed)]
-    shape = (*linear.states.shape[:2], len(linear.positions), len(wanted))
-    out = np.zeros(shape)
-    forces: dict[int, list[int]] = {}
-    simulated: list[int] = []
-    controlled: list[int] = []
-    channel = {int(dof): c for c, dof in enumerate(shooting.engine.channels.dof)}
-    for i, (effect, values) in enumerate(wanted):
-        if isinstance(effect, JointEffect):
-            forces.setdefault(channel[effect.dof], []).append(i)
-        elif isinstance(effect, ActuatorEffect):
-            controlled.append(i)
-        elif isinstance(effect, SensorEffect):
-            out[..., i] = _sensor_column(effect, values, linear)
-        else:
-            simulated.append(i)
-    for c, members in forces.items():
-        laws = np.stack([_law(*wanted[i], linear, c, shooting) for i in members], axis=-1)
-        out[..., members] = linear.respond_to_force(c, laws)
-    if controlled:
-        out[..., controlled] = _control_columns([wanted[i] for i in controlled], linear, shooting)  # type: ignore[misc]
-    if simulated:
-        base = fit.candidate
-        more = [Candidate((*base.effects, wanted[i][0]), (*base.values, wanted[i][1])) for i in simulated]
-        starts = np.repeat(fit.starts[None], 1 + len(more), axis=0)
-        predicted, _ = shooting.differences.predict(shooting.segments, starts, [base, *more])
-        out[..., simulated] = np.moveaxis(predicted[1:] - predicted[0], 0, -1)
-    return plan, out
-
-
-def _law(effect: Effect, values: Array, linear: Linearization, channel: int, shooting: Shooting) -> Array:
-    """The force of a law in the middle of every interval, ``(S, K)``."""
-    position = linear.states[..., linear.positions[channel]]
-    velocity = linear.states[..., linear.velocities[channel]]
-    if isinstance(effect, Hysteresis):
-        runs = shooting.segments.runs
-        length = max(len(run) for run in runs)
-        padded = np.stack([np.pad(run.smooth[:, channel], (0, length - len(run)), mode="edge") for run in runs])
-        whole = effect.path(padded, values)
-        index = np.minimum(shooting.segments.first[:, None] + np.arange(position.shape[1]), length - 1)
-        along = whole[shooting.segments.run[:, None], index]
-        return np.asarray(0.5 * (along[:, 1:] + along[:, :-1]))
-    if effect.name == "armature_error":
-        return np.asarray(-values[0] * np.diff(velocity, axis=1) / shooting.segments.dt)
-    assert isinstance(effect, JointEffect)
-    middle = 0.5 * (position[:, 1:] + position[:, :-1])
-    return effect.force(middle, 0.5 * (velocity[:, 1:] + velocity[:, :-1]), values)
-
-
-def _sensor_column(effect: SensorEffect, values: Array, linear: Linearization) -> Array:
-    """A sensor changes its own channel, ``(S, K + 1, C)``."""
-    out = np.zeros((*linear.states.shape[:2], len(linear.positions)))
-    position = linear.states[..., linear.positions[effect.channel]]
-    velocity = linear.states[..., linear.velocities[effect.channel]]
-    changed = {"sensor_bias": values[0], "sensor_gain": values[0] * position, "sensor_delay": -values[0] * velocity}
-    out[..., effect.channel] = changed[effect.name]
-    return out
-
-
-def _control_columns(
-    wanted: Sequence[tuple[ActuatorEffect, Array]], linear: Linearization, shooting: Shooting
-) -> Array:
-    """Controls go through the same filters as in a simulation, and what they differ by through the linearisation."""
-    segments, substeps = shooting.segments, 4
-    runs = segments.runs
-    length = max(len(run) - 1 for run in runs)
-    plain = np.stack([np.pad(run.control, ((0, length - len(run) + 1), (0, 0)), mode="edge") for run in runs])
-    dt = np.stack([np.pad(run.dt, (0, length - len(run) + 1), mode="edge") for run in runs])
-    fine, steps = np.repeat(plain, substeps, axis=1), np.repeat(dt / substeps, substeps, axis=1)
-    index = np.minimum(segments.first[:, None] + np.arange(segments.intervals), length - 1)
-    inputs = []
-    for effect, values in wanted:
-        changed = effect.control(fine[None].copy(), steps, values[None])
-        assert changed is not None
-        mean = (changed[0] - fine)[..., effect.index].reshape(len(runs), length, substeps).mean(-1)
-        difference = mean[segments.run[:, None], index]
-        inputs.append(linear.control[..., effect.index] * difference[..., None])
-    return linear.respond(np.stack(inputs, axis=-1))
-
-
-def _parameter_columns(shooting: Shooting, fit: Fit) -> Array:
-    """Changes of the recorded positions by the parameters that are already fitted, ``(S, K + 1, C, P)``."""
-    moves = []
-    for k, effect in enumerate(fit.effects):
-        for i, parameter in enumerate(effect.parameters):
-            step = 0.05 * max(abs(fit.values[k][i]), parameter.scale)
-            step = -step if fit.values[k][i] + step > parameter.high else step
-            moved = [v.copy() for v in fit.values]
-            moved[k][i] += step
-            moves.append(Candidate(fit.effects, tuple(moved)))
-    starts = np.repeat(fit.starts[None], 1 + len(moves), axis=0)
-    predicted, _ = shooting.differences.predict(shooting.segments, starts, [fit.candidate, *moves])
-    return np.moveaxis(predicted[1:] - predicted[0], 0, -1)
-
-
-def _project(states: Array, fitted: Array, columns: Array, residual: Array) -> tuple[Array, Array]:
-    """Normal equations of the columns after the free states and the fitted parameters are projected out."""
-    both = np.concatenate([fitted, columns], axis=-1)
-    linear = eliminate(states, both, residual)
-    normal, gradient = linear.normal.sum(0), linear.gradient.sum(0)
-    p = fitted.shape[-1]
-    if p:
-        inverse = np.linalg.pinv(normal[:p, :p], rcond=1e-10)
-        gradient = gradient[p:] - normal[p:, :p] @ inverse @ gradient[:p]
-        normal = normal[p:, p:] - normal[p:, :p] @ inverse @ normal[:p, p:]
-    return normal, gradient
+def _without(count: int, normal: Array, gradient: Array) -> tuple[Array, Array]:
+    """Normal equations after the first parameters, those that are fitted already, are projected out too."""
+    if not count:
+        return normal, gradient
+    inverse = np.linalg.pinv(normal[:count, :count], rcond=1e-10)
+    along = normal[count:, :count] @ inverse
+    return normal[count:, count:] - along @ normal[:count, count:], gradient[count:] - along @ gradient[:count]
 
 
 def _wald(amplitude: Array, covariance: Array) -> float:

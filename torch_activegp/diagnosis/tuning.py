@@ -19,7 +19,8 @@ _HIDDEN = (0.2, 0.4, 0.75)
 """Largest gain alone over the gain beside the rest, of one, two, or more that undo a tuning. Tuned cases measured 0 to
 0.7, with many corrections each; effects of their own mostly above 1, and 0.36 where one hides the other."""
 _CERTAIN = 1.1
-"""The same where a damping comes out below zero: the nominal has too much of it, and only a modeller put it there."""
+"""The same where a damping comes out below zero, on its joint: the nominal has more than there is, and that was put
+there by a modeller."""
 _LIKELY = (0.4, 0.6, 0.85)
 """The same to first order, for what is worth a fit: 8 of 11 tuned cases measured 0.08 to 0.66, two effects 0.5 to 3."""
 
@@ -28,7 +29,8 @@ def beside(screened: Screen, price: float, alone: float, together: float) -> lis
     """Effects together with those tunable ones that pay beside them, best first; none where that helps little.
 
     What a modeller has tuned (damping, rotor, gain, bias) gains little alone, and what is missing gains little alone
-    too: it hides behind their wrong values, and shows only when they are free.
+    too: it hides behind their wrong values, and shows only when they are free. Where what is tunable gains nearly as
+    much alone, nothing hides.
 
     Args:
         screened: score test on top of the nominal.
@@ -58,14 +60,15 @@ def beside(screened: Screen, price: float, alone: float, together: float) -> lis
 def _hide(screened: Screen, some: Sequence[Atom]) -> bool:
     """Whether tunable effects gain much less alone than beside the first one, to first order."""
     atom, *tunable = some
-    beside = screened.joint_gain(some) - screened.joint_gain([atom])
-    return screened.joint_gain(tunable) < _bar(_LIKELY, len(tunable)) * beside
+    added = screened.joint_gain(some) - screened.joint_gain([atom])
+    return screened.joint_gain(tunable) < _bar(_LIKELY, len(tunable)) * added
 
 
-def _drives(fit: Fit, effects: Sequence[Effect]) -> bool:
-    """Whether one of some effects is a viscous friction below zero: no physics that was left out."""
-    pairs = zip(fit.effects, fit.values, strict=True)
-    return any(e.name == "viscous_friction" and v[0] < 0.0 for e, v in pairs if e in effects)
+def _overdamped(fit: Fit, effects: Sequence[Effect]) -> bool:
+    """Whether a viscous friction comes out below zero on every joint that some effects act on."""
+    pairs = list(zip(fit.effects, fit.values, strict=True))
+    joints = {e.target for e, v in pairs if e in effects and e.name == "viscous_friction" and v[0] < 0.0}
+    return bool(joints) and all(getattr(e, "drives", e.target) in joints for e in effects)
 
 
 def _bar(shares: Sequence[float], count: int) -> float:
@@ -113,5 +116,5 @@ def only_undoes(nominal: Fit, alone: Fit, without: Fit, best: Fit) -> bool:
         without: with the others alone; no worse than the nominal, whatever its fit says.
         best: with all of them.
     """
-    share = _CERTAIN if _drives(best, alone.effects) else _bar(_HIDDEN, len(alone.effects))
+    share = _CERTAIN if _overdamped(best, alone.effects) else _bar(_HIDDEN, len(alone.effects))
     return nominal.chi2 - alone.chi2 < share * (min(without.chi2, nominal.chi2) - best.chi2)

@@ -238,7 +238,7 @@ class Cogging(JointEffect):
         fastest = 0.6 * np.pi / (max(place.top_speed, 1e-9) * place.dt)
         turns = place.position_unit == "rad"
         if turns:
-            periods = [float(n) for n in _PERIODS if n * width > np.pi and n < 4 * fastest] or [1.0]
+            periods = [float(n) for n in _PERIODS if n * width > np.pi and n < 4 * fastest] or [max(1.0, 1.0 / width)]
         else:
             periods = [2 * np.pi * n / width for n in (2, 3, 4, 6, 8, 11, 16, 22, 32)]
         spread = 0.5 * np.pi / width

@@ -1,0 +1,54 @@
+from __future__ import annotations
+
+import dataclasses
+
+import numpy as np
+import pytest
+
+from torch_activegp.diagnosis.engine import Candidate
+from torch_activegp.diagnosis.linearize import linearize
+from torch_activegp.diagnosis.sensitivities import control_changes, effect_columns, parameter_columns, unit_values
+
+
+@pytest.mark.parametrize(
+    ("name", "target", "size"),
+    [
+        ("viscous_friction", "joint:hip", 1e-3),
+        ("armature_error", "joint:hip", 1e-3),
+        ("actuator_gain", "actuator:drive", 1e-3),
+        ("actuator_lag", "actuator:drive", 2e-3),
+        ("sensor_gain", "sensor:hip", 1e-3),
+        ("payload_mass", "body:rod", 1e-3),
+    ],
+)
+def test_columns_are_what_a_simulation_changes_by(clean, name, target, size) -> None:
+    effect, values = clean.effect(name, target), np.array([size])
+    linear = linearize(clean.shooting, clean.nominal)
+    wanted = [(effect, values)]
+    column = effect_columns(clean.shooting, clean.nominal, wanted, linear, control_changes(wanted, clean.shooting))
+    simulated = clean.predict(Candidate((effect,), (values,))) - clean.predict(clean.nominal.candidate)
+    assert np.abs(column[..., 0] - simulated).max() < 0.06 * np.abs(simulated).max()
+
+
+def test_only_effects_on_actuators_change_controls(clean) -> None:
+    effects = clean.effect("viscous_friction"), clean.effect("actuator_bias", "actuator:drive")
+    wanted = [(effect, np.ones(1)) for effect in effects]
+    changes = control_changes(wanted, clean.shooting)
+    assert list(changes) == [1]
+    np.testing.assert_allclose(changes[1], 1.0)
+
+
+def test_parameters_of_a_fit_have_columns_too(bench) -> None:
+    fit = bench.fit("viscous_friction", 0.05)
+    column = parameter_columns(bench.shooting, fit)
+    step = 0.05 * np.maximum(np.abs(fit.values[0]), fit.effects[0].parameters[0].scale)
+    more = dataclasses.replace(fit, values=(fit.values[0] + step,))
+    moved = bench.predict(more.candidate, fit.starts) - bench.predict(fit.candidate, fit.starts)
+    np.testing.assert_allclose(column[..., 0], moved, rtol=1e-6, atol=1e-12)
+
+
+def test_every_amplitude_is_tried_alone(bench) -> None:
+    effect = bench.effect("cogging")
+    first, second = unit_values(effect, effect.seeds[0])
+    assert first[1] == second[0] == 0.0
+    assert first[0] == second[1] != 0.0

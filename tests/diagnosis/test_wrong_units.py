@@ -1,0 +1,58 @@
+from __future__ import annotations
+
+import dataclasses
+
+import mujoco
+import numpy as np
+import pytest
+
+from torch_activegp.diagnosis.wrong_units import check_units
+from torch_activegp.errors import DataError
+
+
+def scaled(bench, factor: float, noise: float | None = None):
+    """The runs with all that belongs to the position multiplied."""
+    return [
+        dataclasses.replace(
+            run,
+            smooth=factor * run.smooth,
+            velocity=factor * run.velocity,
+            noise=factor * run.noise if noise is None else np.full_like(run.noise, noise),
+        )
+        for run in bench.machine.fit
+    ]
+
+
+def check(bench, runs) -> None:
+    check_units(bench.machine.model, bench.machine.channels, runs)
+
+
+def test_degrees_are_refused_and_named(bench) -> None:
+    check(bench, scaled(bench, 1.0))
+    with pytest.raises(DataError, match=r'qpos\.hip.*in deg it would not.*unit = "deg"'):
+        check(bench, scaled(bench, 180 / np.pi))
+
+
+def test_what_noise_could_be_is_let_pass(bench) -> None:
+    check(bench, scaled(bench, 180 / np.pi, noise=1e3))
+    check(bench, [dataclasses.replace(run, time=100.0 * run.time) for run in scaled(bench, 1.0)])
+
+
+@pytest.mark.parametrize("unit", ["mm", "cm"])
+def test_slides_in_millimetres_are_refused(bench, unit) -> None:
+    """The same motion on a slide that the same forces drive."""
+    xml = bench.xml.replace('name="hip" axis="0 1 0"', 'name="hip" type="slide" axis="1 0 0" stiffness="15"')
+    model = mujoco.MjModel.from_xml_string(xml)
+    channels = dataclasses.replace(bench.machine.channels, hinge=np.array([False]))
+    small = [dataclasses.replace(run, control=run.control * 10.0) for run in scaled(bench, 1.0)]
+    check_units(model, channels, small)
+    factor = {"mm": 1e3, "cm": 1e2}[unit]
+    large = [dataclasses.replace(run, control=run.control * 10.0) for run in scaled(bench, factor)]
+    with pytest.raises(DataError, match="in (mm|cm) it would not"):
+        check_units(model, channels, large)
+
+
+def test_a_model_that_lacks_as_much_as_it_has_is_no_unit(bench) -> None:
+    """Forces three times too weak, in radians: in degrees it would fit no better than it does."""
+    weak = [dataclasses.replace(run, control=run.control / 3.0) for run in scaled(bench, 1.0)]
+    check(bench, weak)

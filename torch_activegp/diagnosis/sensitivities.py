@@ -1,0 +1,150 @@
+"""What effects and fitted parameters do to the recorded positions, around a fit."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+
+from torch_activegp.diagnosis.engine import Candidate
+from torch_activegp.diagnosis.fit import Fit
+from torch_activegp.diagnosis.linearize import Linearization
+from torch_activegp.diagnosis.runs import Array
+from torch_activegp.diagnosis.shooting import Shooting
+from torch_activegp.physics.actuation import ActuatorEffect
+from torch_activegp.physics.effect import Effect
+from torch_activegp.physics.joint import JointEffect
+from torch_activegp.physics.play import Hysteresis
+from torch_activegp.physics.sensing import SensorEffect
+
+
+def units_of(effect: Effect, seed: Array) -> Array:
+    """The amplitudes of a seed, or their scales where it has none."""
+    scales = np.array([p.scale for p in effect.parameters[: effect.linear]])
+    return np.where(seed[: effect.linear] != 0.0, seed[: effect.linear], scales)
+
+
+def unit_values(effect: Effect, seed: Array) -> list[Array]:
+    """The seed with one amplitude after the other, the rest of them zero; the seed itself where none is linear."""
+    if not effect.linear:
+        return [seed]
+    out = []
+    for i, unit in enumerate(units_of(effect, seed)):
+        values = seed.copy()
+        values[: effect.linear] = 0.0
+        values[i] = unit
+        out.append(values)
+    return out
+
+
+def effect_columns(
+    shooting: Shooting,
+    fit: Fit,
+    wanted: Sequence[tuple[Effect, Array]],
+    linear: Linearization,
+    changes: Mapping[int, Array],
+) -> Array:
+    """Changes of the recorded positions by effects with unit amplitudes, ``(S, K + 1, C, A)``."""
+    shape = (*linear.states.shape[:2], len(linear.positions), len(wanted))
+    out = np.zeros(shape)
+    forces: dict[int, list[int]] = {}
+    simulated: list[int] = []
+    channel = {int(dof): c for c, dof in enumerate(shooting.engine.channels.dof)}
+    for i, (effect, values) in enumerate(wanted):
+        if isinstance(effect, JointEffect):
+            forces.setdefault(channel[effect.dof], []).append(i)
+        elif isinstance(effect, SensorEffect):
+            out[..., i] = _sensor_column(effect, values, linear)
+        elif i not in changes:
+            simulated.append(i)
+    for c, members in forces.items():
+        laws = np.stack([_law(*wanted[i], linear, c, shooting) for i in members], axis=-1)
+        out[..., members] = linear.respond_to_force(c, laws)
+    if changes:
+        out[..., list(changes)] = _control_columns(wanted, changes, linear, shooting)
+    if simulated:
+        base = fit.candidate
+        more = [Candidate((*base.effects, wanted[i][0]), (*base.values, wanted[i][1])) for i in simulated]
+        starts = np.repeat(fit.starts[None], 1 + len(more), axis=0)
+        predicted, _ = shooting.differences.predict(shooting.segments, starts, [base, *more])
+        out[..., simulated] = np.moveaxis(predicted[1:] - predicted[0], 0, -1)
+    return out
+
+
+def _law(effect: Effect, values: Array, linear: Linearization, channel: int, shooting: Shooting) -> Array:
+    """The force of a law in the middle of every interval, ``(S, K)``."""
+    position = linear.states[..., linear.positions[channel]]
+    velocity = linear.states[..., linear.velocities[channel]]
+    if isinstance(effect, Hysteresis):
+        runs = shooting.segments.runs
+        length = max(len(run) for run in runs)
+        padded = np.stack([np.pad(run.smooth[:, channel], (0, length - len(run)), mode="edge") for run in runs])
+        whole = effect.path(padded, values)
+        index = np.minimum(shooting.segments.first[:, None] + np.arange(position.shape[1]), length - 1)
+        along = whole[shooting.segments.run[:, None], index]
+        return np.asarray(0.5 * (along[:, 1:] + along[:, :-1]))
+    if effect.name == "armature_error":
+        return np.asarray(-values[0] * np.diff(velocity, axis=1) / shooting.segments.dt)
+    assert isinstance(effect, JointEffect)
+    middle = 0.5 * (position[:, 1:] + position[:, :-1])
+    return effect.force(middle, 0.5 * (velocity[:, 1:] + velocity[:, :-1]), values)
+
+
+def _sensor_column(effect: SensorEffect, values: Array, linear: Linearization) -> Array:
+    """A sensor changes its own channel, ``(S, K + 1, C)``."""
+    out = np.zeros((*linear.states.shape[:2], len(linear.positions)))
+    position = linear.states[..., linear.positions[effect.channel]]
+    velocity = linear.states[..., linear.velocities[effect.channel]]
+    changed = {"sensor_bias": values[0], "sensor_gain": values[0] * position, "sensor_delay": -values[0] * velocity}
+    out[..., effect.channel] = changed[effect.name]
+    return out
+
+
+def control_changes(wanted: Sequence[tuple[Effect, Array]], shooting: Shooting) -> dict[int, Array]:
+    """By how much effects on actuators change a control, which goes through the same filters as in a simulation.
+
+    Returns:
+        For each of the effects on actuators, by its number, the mean over each interval of whole runs, ``(R, T)``.
+    """
+    runs, substeps = shooting.segments.runs, 4
+    length = max(len(run) - 1 for run in runs)
+    plain = np.stack([np.pad(run.control, ((0, length - len(run) + 1), (0, 0)), mode="edge") for run in runs])
+    dt = np.stack([np.pad(run.dt, (0, length - len(run) + 1), mode="edge") for run in runs])
+    fine, steps = np.repeat(plain, substeps, axis=1), np.repeat(dt / substeps, substeps, axis=1)
+    out = {}
+    for i, (effect, values) in enumerate(wanted):
+        if isinstance(effect, ActuatorEffect):
+            changed = effect.control(fine[None].copy(), steps, values[None])
+            assert changed is not None
+            mean = (changed[0] - fine)[..., effect.index].reshape(len(runs), length, substeps).mean(-1)
+            out[i] = mean
+    return out
+
+
+def _control_columns(
+    wanted: Sequence[tuple[Effect, Array]], changes: Mapping[int, Array], linear: Linearization, shooting: Shooting
+) -> Array:
+    """What changes of controls do, through the linearisation, ``(S, K + 1, C, A)``."""
+    segments = shooting.segments
+    inputs = []
+    for i, mean in changes.items():
+        effect = wanted[i][0]
+        assert isinstance(effect, ActuatorEffect)
+        index = np.minimum(segments.first[:, None] + np.arange(segments.intervals), mean.shape[1] - 1)
+        inputs.append(linear.control[..., effect.index] * mean[segments.run[:, None], index][..., None])
+    return linear.respond(np.stack(inputs, axis=-1))
+
+
+def parameter_columns(shooting: Shooting, fit: Fit) -> Array:
+    """Changes of the recorded positions by the parameters that are already fitted, ``(S, K + 1, C, P)``."""
+    moves = []
+    for k, effect in enumerate(fit.effects):
+        for i, parameter in enumerate(effect.parameters):
+            step = 0.05 * max(abs(fit.values[k][i]), parameter.scale)
+            step = -step if fit.values[k][i] + step > parameter.high else step
+            moved = [v.copy() for v in fit.values]
+            moved[k][i] += step
+            moves.append(Candidate(fit.effects, tuple(moved)))
+    starts = np.repeat(fit.starts[None], 1 + len(moves), axis=0)
+    predicted, _ = shooting.differences.predict(shooting.segments, starts, [fit.candidate, *moves])
+    return np.moveaxis(predicted[1:] - predicted[0], 0, -1)

@@ -1,0 +1,137 @@
+"""Positions in degrees or millimetres, seen by the forces that such a motion would take."""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Iterator, Sequence
+
+import mujoco
+import numpy as np
+import torch
+from numpy.typing import NDArray
+
+from torch_activegp.data.local_polynomial import DEGREE, local_slope
+from torch_activegp.diagnosis.runs import Array, Channels, Run
+from torch_activegp.errors import DataError
+
+_WINDOW = 0.3
+"""Accelerations are slopes of the velocity over so many seconds."""
+_ROWS = 100
+_LOUD = 10.0
+"""Accelerations this far above what noise makes of them count."""
+_BAD = 3.0
+"""Forces that the model lacks, over those that it has, from which a unit is doubted."""
+_GOOD = 1.0
+"""The same in another unit, which then must be right."""
+_BETTER = 10.0
+_SLIPS = {True: {"deg": 180 / np.pi}, False: {"mm": 1e3, "cm": 1e2}}
+"""Units that positions of hinges and of slides are taken for SI in."""
+
+
+@dataclasses.dataclass(frozen=True)
+class _Motion:
+    """Rows of all runs: positions, velocities, accelerations ``(T, C)``, controls ``(T, nu)``, forces ``(T, nv)``."""
+
+    position: Array
+    velocity: Array
+    acceleration: Array
+    control: Array
+    force: Array
+
+
+def check_units(model: mujoco.MjModel, channels: Channels, runs: Sequence[Run]) -> None:
+    """Refuses positions that need many times the forces that the model has, and would not in another unit.
+
+    A motion in degrees that is read as radians is 57 times as large, and so is what it takes to accelerate it. What a
+    model leaves out is seldom more than all that it has.
+
+    Args:
+        model: nominal.
+        channels: the recorded joints.
+        runs: for fitting.
+
+    Raises:
+        DataError: some joints seem to be recorded in another unit.
+    """
+    motion = _motion(runs)
+    if motion is None:
+        return
+    missing, there = _forces(model, channels, motion, np.ones(len(channels.joints)))
+    for unit, slip, which in _guesses(channels):
+        factors = np.where(which, 1.0 / slip, 1.0)
+        others, base = _forces(model, channels, motion, factors)
+        if (base <= 0.0).any() or (there <= 0.0).any():
+            continue
+        before, after = _worst(missing / there, which), _worst(others / base, which)
+        if before > _BAD and after < _GOOD and before > _BETTER * after:
+            joint = channels.joints[int(np.flatnonzero(which)[0])]
+            raise DataError(
+                f"{runs[0].label}, column `qpos.{joint}`: rad or m wanted, but this motion would take {before:.0f} "
+                f"times the forces that the model has; in {unit} it would not. Name the unit in a column map "
+                f'(--columns MAP.toml): qpos.{joint} = {{ column = "qpos.{joint}", unit = "{unit}" }}.'
+            )
+
+
+def _guesses(channels: Channels) -> Iterator[tuple[str, float, NDArray[np.bool_]]]:
+    """Units, their factors, and which joints have them: all of a kind, or one."""
+    for hinge, slips in _SLIPS.items():
+        kind = channels.hinge == hinge
+        sets = [kind, *(np.arange(len(kind)) == c for c in np.flatnonzero(kind))] if kind.sum() > 1 else [kind]
+        for unit, slip in slips.items():
+            yield from ((unit, slip, which) for which in sets if which.any())
+
+
+def _worst(ratio: Array, which: NDArray[np.bool_]) -> float:
+    return float(ratio[which].max())
+
+
+def _motion(runs: Sequence[Run]) -> _Motion | None:
+    """Rows of all runs; None where noise hides the accelerations."""
+    parts: list[list[Array]] = []
+    seen, noise = [], []
+    for run in runs:
+        dt = float(np.median(run.dt))
+        window = max(2 * round(0.5 * _WINDOW / dt) + 1, DEGREE + 2)
+        if window >= len(run) // 2:
+            continue
+        time = torch.from_numpy(run.time)
+        slopes = [local_slope(time, torch.from_numpy(column.copy()), window).numpy() for column in run.velocity.T]
+        rows = np.unique(np.linspace(window, len(run) - 1 - window, _ROWS).astype(int))
+        acceleration = np.stack(slopes, axis=1)[rows]
+        parts.append([run.smooth[rows], run.velocity[rows], acceleration, run.control[rows], run.force[rows]])
+        seen.append((acceleration**2).mean(axis=0))
+        noise.append(720.0 * run.noise**2 / (window**5 * dt**4))  # of a parabola fitted to the window
+    if not parts or (np.mean(seen, axis=0) < _LOUD**2 * np.mean(noise, axis=0)).any():
+        return None
+    return _Motion(*(np.concatenate(columns) for columns in zip(*parts, strict=True)))
+
+
+def _forces(model: mujoco.MjModel, channels: Channels, motion: _Motion, factors: Array) -> tuple[Array, Array]:
+    """What a motion takes beyond the model's forces, and its motors and weights, root mean squares ``(C,)``, N m or N.
+
+    Args:
+        model: nominal.
+        channels: the recorded joints.
+        motion: T rows.
+        factors: what positions are multiplied by, ``(C,)``.
+    """
+    data = mujoco.MjData(model)
+    missing, there = [], []
+    product, acceleration = np.zeros(model.nv), np.zeros(model.nv)
+    for row in range(len(motion.position)):
+        data.qpos[:] = model.qpos0
+        data.qpos[channels.qpos] = motion.position[row] * factors
+        data.qvel[:] = 0.0
+        data.ctrl[:] = motion.control[row]
+        mujoco.mj_fwdPosition(model, data)
+        mujoco.mj_fwdVelocity(model, data)
+        weight = data.qfrc_bias.copy()
+        data.qvel[channels.dof] = motion.velocity[row] * factors
+        mujoco.mj_fwdVelocity(model, data)
+        mujoco.mj_fwdActuation(model, data)
+        acceleration[channels.dof] = motion.acceleration[row] * factors
+        mujoco.mj_mulM(model, data, product, acceleration)
+        known = data.qfrc_actuator + motion.force[row]
+        missing.append((product + data.qfrc_bias - data.qfrc_passive - known)[channels.dof])
+        there.append((np.abs(known) + np.abs(weight))[channels.dof])
+    return tuple(np.sqrt(np.mean(np.square(some), axis=0)) for some in (missing, there))
