@@ -7,7 +7,7 @@ import pytest
 
 from torch_activegp.diagnosis.engine import Candidate
 from torch_activegp.diagnosis.linearize import linearize
-from torch_activegp.diagnosis.sensitivities import control_changes, effect_columns, parameter_columns, unit_values
+from torch_activegp.diagnosis.sensitivities import effect_columns, parameter_columns, remembered, unit_values
 
 
 @pytest.mark.parametrize(
@@ -25,7 +25,7 @@ def test_columns_are_what_a_simulation_changes_by(clean, name, target, size) -> 
     effect, values = clean.effect(name, target), np.array([size])
     linear = linearize(clean.shooting, clean.nominal)
     wanted = [(effect, values)]
-    column = effect_columns(clean.shooting, clean.nominal, wanted, linear, control_changes(wanted, clean.shooting))
+    column = effect_columns(clean.shooting, clean.nominal, wanted, linear, remembered(wanted, clean.shooting))
     simulated = clean.predict(Candidate((effect,), (values,))) - clean.predict(clean.nominal.candidate)
     assert np.abs(column[..., 0] - simulated).max() < 0.06 * np.abs(simulated).max()
 
@@ -33,9 +33,9 @@ def test_columns_are_what_a_simulation_changes_by(clean, name, target, size) -> 
 def test_only_effects_on_actuators_change_controls(clean) -> None:
     effects = clean.effect("viscous_friction"), clean.effect("actuator_bias", "actuator:drive")
     wanted = [(effect, np.ones(1)) for effect in effects]
-    changes = control_changes(wanted, clean.shooting)
-    assert list(changes) == [1]
-    np.testing.assert_allclose(changes[1], 1.0)
+    memory = remembered(wanted, clean.shooting)
+    assert list(memory) == [1]
+    np.testing.assert_allclose(memory[1], 1.0)
 
 
 def test_parameters_of_a_fit_have_columns_too(bench) -> None:

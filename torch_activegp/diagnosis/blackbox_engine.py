@@ -75,8 +75,7 @@ class BlackBoxEngine(Engine):
         control = Controls(segments, candidates, self.substeps, self.model.nu)
         table = np.stack([control(k, j) for k in range(segments.intervals) for j in range(self.substeps)])
         if self.late:
-            begun = np.tile(segments.first > 0, len(candidates))[:, None]
-            table = 0.5 * (table + np.concatenate([np.where(begun, control(0, -1), table[0])[None], table[:-1]]))
+            table = 0.5 * (table + np.concatenate([control(0, -1)[None], table[:-1]]))
         if _even(segments.dt, self._interval):
             return table
         length, step, size = len(table), self.box.simulator.dt, segments.size

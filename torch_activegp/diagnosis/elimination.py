@@ -49,6 +49,13 @@ def invert(normal: Array, rcond: float = 1e-10) -> Array:
     return np.asarray(np.linalg.pinv(normal / np.outer(scale, scale), rcond=rcond) / np.outer(scale, scale))
 
 
+def wald(amplitudes: Array, covariance: Array) -> float:
+    """What is lost without some amplitudes ``(P,)`` whose covariance is ``(P, P)``: Wald's statistic."""
+    if amplitudes.size == 1 and covariance[0, 0] > 0.0:
+        return float(amplitudes[0] ** 2 / covariance[0, 0])
+    return float(amplitudes @ np.linalg.pinv(covariance) @ amplitudes)
+
+
 def bounded_step(normal: Array, gradient: Array, damping: float, at: Array, low: Array, high: Array) -> Array:
     """The step of Levenberg and Marquardt within bounds: a parameter that would leave its bounds stays there.
 

@@ -37,9 +37,13 @@ def noise_floor(runs: Sequence[Run]) -> NoiseModel:
     Args:
         runs: at least one.
     """
-    spread = np.sqrt(np.mean([run.position.var(axis=0) for run in runs], axis=0))
-    own = _own(runs, _FINEST * spread)
+    own = _own(runs, finest(runs))
     return NoiseModel(np.hypot(own.scale, _carried(runs)), own.colour)
+
+
+def finest(runs: Sequence[Run]) -> Array:
+    """The least noise of each channel, ``(C,)``: a part of the motion within runs."""
+    return np.asarray(_FINEST * np.sqrt(np.mean([run.position.var(axis=0) for run in runs], axis=0)))
 
 
 def _own(runs: Sequence[Run], least: Array | float = 0.0) -> NoiseModel:

@@ -6,7 +6,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from torch_activegp.diagnosis.fit import Fit
-from torch_activegp.diagnosis.noise_model import SEEN, NoiseModel, colour_scale, likeliest
+from torch_activegp.diagnosis.noise_floor import finest
+from torch_activegp.diagnosis.noise_model import SEEN, NoiseModel, colour_scale, is_white, likeliest
 from torch_activegp.diagnosis.runs import Array
 from torch_activegp.diagnosis.shooting import Shooting
 
@@ -14,10 +15,6 @@ _LESS = 0.9
 """Noise is taken anew where its variance falls to less than this part: floors are known to a few percent."""
 _LEAST = 200
 """Fewer values of a channel say too little."""
-_FINEST = 3e-5
-"""What is new in each value is no less than this part of the motion: rigid bodies are no more exact."""
-_CORRELATED = 0.3
-"""Largest correlation of what is new with what was new before: what is more is physics, not a filter."""
 
 
 def quieter(shooting: Shooting, fit: Fit) -> NoiseModel | None:
@@ -42,16 +39,15 @@ def quieter(shooting: Shooting, fit: Fit) -> NoiseModel | None:
         return None
     old = shooting.noise
     scale, colour = old.scale.copy(), old.colour.copy()
-    spread = np.sqrt(np.mean([run.position.var(axis=0) for run in shooting.segments.runs], axis=0))
+    least = np.minimum(old.innovation, finest(shooting.segments.runs)) ** 2
     freed = shooting.dof / max(shooting.samples, 1)
     found = False
     for channel, thought in enumerate(old.innovation**2):
-        least = min(float(thought), (_FINEST * spread[channel]) ** 2)
-        channel_left = _Left(residual[..., channel], usable, freed, least)
+        channel_left = _Left(residual[..., channel], usable, freed, float(least[channel]))
         poles = likeliest(channel_left.innovation, int(usable.sum()))
         new, before = channel_left.innovation(poles), channel_left.innovation(tuple(old.colour[channel])) / thought
         gained = usable.sum() * (np.log(thought / new) + before - 1.0)
-        if before <= 1.0 and new < _LESS * thought and gained > SEEN and channel_left.is_white(poles):
+        if before <= 1.0 and new < _LESS * thought and gained > SEEN and is_white([*channel_left.fresh(poles)]):
             found = True
             scale[channel], colour[channel] = np.sqrt(new) / colour_scale(poles), poles
     return NoiseModel(scale, colour) if found else None
@@ -70,17 +66,11 @@ class _Left:
     def __init__(self, series: Array, usable: NDArray[np.bool_], freed: float, least: float) -> None:
         self._series, self._usable, self._freed, self._least = series, usable, freed, least
 
-    def _fresh(self, poles: tuple[float, float]) -> Array:
+    def fresh(self, poles: tuple[float, float]) -> Array:
         """What is new in each value, zero where it is not known, ``(S, K - 1)``."""
         fresh = self._series[:, 2:] - poles[0] * self._series[:, 1:-1] - poles[1] * self._series[:, :-2]
         return np.where(self._usable, fresh, 0.0)
 
     def innovation(self, poles: tuple[float, float]) -> float:
         """Variance of what is new."""
-        return max(float((self._fresh(poles) ** 2).sum() / self._usable.sum()) / self._freed, self._least, 1e-300)
-
-    def is_white(self, poles: tuple[float, float]) -> bool:
-        """Whether what is new in a value says nothing about the next ones."""
-        fresh = self._fresh(poles)
-        total = float((fresh**2).sum())
-        return all(abs(float((fresh[:, k:] * fresh[:, :-k]).sum())) <= _CORRELATED * total for k in (1, 2, 3))
+        return max(float((self.fresh(poles) ** 2).sum() / self._usable.sum()) / self._freed, self._least, 1e-300)

@@ -3,13 +3,15 @@
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 
 import numpy as np
 
 from torch_activegp.diagnosis.runs import Array
 from torch_activegp.diagnosis.segments import Segments
 
+CORRELATED = 0.3
+"""Largest correlation of what is new with what was new before: what is more is no filter."""
 SEEN = 10.0
 """Twice the logarithm of a likelihood ratio that tells one noise from another."""
 
@@ -74,6 +76,12 @@ def likeliest(innovation: Callable[[tuple[float, float]], float], count: int) ->
     misfit = {poles: count * np.log(innovation(poles)) for poles in colour_family()}
     poles = min(misfit, key=lambda key: misfit[key])
     return poles if misfit[poles] < misfit[0.0, 0.0] - SEEN else (0.0, 0.0)
+
+
+def is_white(fresh: Sequence[Array]) -> bool:
+    """Whether what is new in a value says nothing about the next ones, in series of such values, zero where unknown."""
+    total = sum(float(f @ f) for f in fresh)
+    return all(abs(sum(float(f[lag:] @ f[:-lag]) for f in fresh)) <= CORRELATED * total for lag in (1, 2, 3))
 
 
 def colour_family() -> list[tuple[float, float]]:

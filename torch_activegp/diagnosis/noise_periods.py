@@ -8,7 +8,7 @@ import numpy as np
 import torch
 
 from torch_activegp.data.noise import quantum
-from torch_activegp.diagnosis.noise_model import colour_scale, likeliest
+from torch_activegp.diagnosis.noise_model import colour_scale, is_white, likeliest
 from torch_activegp.diagnosis.runs import Array, Run
 
 _SHORTEST = 20
@@ -26,7 +26,6 @@ _BLOCKS = 4
 """Differences of fewer periods say nothing about those two periods apart."""
 _CLOCK = 0.3
 """What the clock's drift over a period moves the machine by stays below this part of the noise."""
-_CORRELATED = 0.3
 _CHAOS = 0.1
 _FINEST = 3e-5
 """Noise is between these parts of the motion: below, arithmetic differs; above, the motion itself does not repeat."""
@@ -57,7 +56,9 @@ def noise_from_periods(runs: Sequence[Run], channel: int) -> tuple[tuple[float, 
     scale = float(np.sqrt(_innovation(found, poles)) / colour_scale(poles))
     motion = min(float(run.position[:, channel].std()) for run, _ in found)
     step = max(quantum(torch.from_numpy(np.sqrt(2.0) * series)) for _, series in found)
-    if not max(step, _FINEST * motion) < scale < _CHAOS * motion or not _is_white(found, poles):
+    if not max(step, _FINEST * motion) < scale < _CHAOS * motion or not is_white(
+        [_fresh(series, poles) for _, series in found]
+    ):
         return None
     if max(_clock_error(run, channel) for run, _ in found) > _CLOCK * scale:
         return None
@@ -75,12 +76,6 @@ def _fresh(series: Array, poles: tuple[float, float]) -> Array:
 def _innovation(found: Found, poles: tuple[float, float]) -> float:
     """Variance of what is new in each value."""
     return float(np.mean(np.concatenate([_fresh(series, poles) for _, series in found]) ** 2)) + 1e-300
-
-
-def _is_white(found: Found, poles: tuple[float, float]) -> bool:
-    fresh = [_fresh(series, poles) for _, series in found]
-    total = sum(float(f @ f) for f in fresh)
-    return all(abs(sum(float(f[lag:] @ f[:-lag]) for f in fresh)) < _CORRELATED * total for lag in (1, 2, 3))
 
 
 def _settled(run: Run, channel: int) -> Array | None:

@@ -121,8 +121,10 @@ class Numerics:
         fine = given if same else Engine(model, channels, often, nthread, _RUNGE_KUTTA)
         halfway = max(math.ceil(often / 2), few) if stiff else few
         short = int(np.ceil(step / _EFFECT_STEP - 1e-6))
-        coarse = Engine(model, channels, min(seldom, plain), nthread, _cheap(model), stride=stride)
-        late = Engine(model, channels, min(seldom, plain), nthread, _cheap(model), stride=stride, late=True)
+        coarse, late = (
+            Engine(model, channels, min(seldom, plain), nthread, _cheap(model), stride=stride, late=late)
+            for late in (False, True)
+        )
         return cls(
             given,
             fine,

@@ -7,7 +7,7 @@ from collections.abc import Callable, Iterable, Mapping, Sequence
 
 import numpy as np
 
-from torch_activegp.diagnosis.elimination import invert
+from torch_activegp.diagnosis.elimination import invert, wald
 from torch_activegp.diagnosis.fit import Fit
 from torch_activegp.diagnosis.runs import Array
 from torch_activegp.diagnosis.screening import Atom
@@ -202,7 +202,7 @@ def without_weak(fit: Fit, price: Callable[[Effect], float]) -> Set | None:
     for effect, values in zip(fit.effects, fit.values, strict=True):
         part = slice(first, first + len(values))
         first += len(values)
-        worth = float(values @ np.linalg.pinv(inverse[part, part]) @ values)
+        worth = wald(values, inverse[part, part])
         if not effect.linear or worth > price(effect):
             kept.append((effect, values))
     if len(kept) in (0, len(fit.effects)):

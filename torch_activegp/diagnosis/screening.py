@@ -8,14 +8,14 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from torch_activegp.diagnosis.elimination import eliminate, invert
+from torch_activegp.diagnosis.elimination import eliminate, invert, wald
 from torch_activegp.diagnosis.fit import Fit
 from torch_activegp.diagnosis.linearize import linearize
 from torch_activegp.diagnosis.runs import Array
 from torch_activegp.diagnosis.sensitivities import (
-    control_changes,
     effect_columns,
     parameter_columns,
+    remembered,
     unit_values,
     units_of,
 )
@@ -79,7 +79,7 @@ class Screen:
         amplitude = inverse @ self.gradient[index]
         ends = np.cumsum([a.columns.stop - a.columns.start for a in atoms])
         parts = [slice(end - (a.columns.stop - a.columns.start), end) for a, end in zip(atoms, ends, strict=True)]
-        return [_wald(amplitude[part], inverse[part, part]) for part in parts]
+        return [wald(amplitude[part], inverse[part, part]) for part in parts]
 
     def together(self, atoms: Sequence[Atom]) -> tuple[float, list[Array]]:
         """What several atoms gain together, and the parameters with which they do."""
@@ -103,7 +103,7 @@ def screen(shooting: Shooting, fit: Fit, effects: Sequence[Effect]) -> Screen:
     """
     plan = [(e, seed, max(e.linear, 1)) for e in effects for seed in e.seeds]
     wanted = [(e, values) for e, seed, _ in plan for values in unit_values(e, seed)]
-    changes = control_changes(wanted, shooting)
+    memory = remembered(wanted, shooting)
     normal, gradient = np.zeros((0, 0)), np.zeros(0)
     for some in _parts(shooting, fit.size + len(wanted)):
         part, here = shooting.pick(some), fit.pick(some)
@@ -111,7 +111,7 @@ def screen(shooting: Shooting, fit: Fit, effects: Sequence[Effect]) -> Screen:
         blocks = (
             linear.respond_to_start(),
             parameter_columns(part, here),
-            effect_columns(part, here, wanted, linear, changes),
+            effect_columns(part, here, wanted, linear, memory),
         )
         start, held, tested = (part.whiten_columns(block) for block in blocks)
         more, along = _project(start, np.concatenate([held, tested], axis=-1), part.residual_of(here))
@@ -159,13 +159,6 @@ def _without(count: int, normal: Array, gradient: Array) -> tuple[Array, Array]:
     inverse = np.linalg.pinv(normal[:count, :count], rcond=1e-10)
     along = normal[count:, :count] @ inverse
     return normal[count:, count:] - along @ normal[:count, count:], gradient[count:] - along @ gradient[:count]
-
-
-def _wald(amplitude: Array, covariance: Array) -> float:
-    """What is lost without some amplitudes."""
-    if amplitude.size == 1 and covariance[0, 0] > 0.0:
-        return float(amplitude[0] ** 2 / covariance[0, 0])
-    return float(amplitude @ np.linalg.pinv(covariance) @ amplitude)
 
 
 def _gain(normal: Array, gradient: Array) -> tuple[float, Array]:

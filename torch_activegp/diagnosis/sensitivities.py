@@ -42,26 +42,28 @@ def effect_columns(
     fit: Fit,
     wanted: Sequence[tuple[Effect, Array]],
     linear: Linearization,
-    changes: Mapping[int, Array],
+    memory: Mapping[int, Array],
 ) -> Array:
     """Changes of the recorded positions by effects with unit amplitudes, ``(S, K + 1, C, A)``."""
     shape = (*linear.states.shape[:2], len(linear.positions), len(wanted))
     out = np.zeros(shape)
     forces: dict[int, list[int]] = {}
     simulated: list[int] = []
-    channel = {int(dof): c for c, dof in enumerate(shooting.engine.channels.dof)}
+    controlled: list[int] = []
+    channel = _channels_of(shooting)
     for i, (effect, values) in enumerate(wanted):
         if isinstance(effect, JointEffect):
             forces.setdefault(channel[effect.dof], []).append(i)
         elif isinstance(effect, SensorEffect):
             out[..., i] = _sensor_column(effect, values, linear)
-        elif i not in changes:
-            simulated.append(i)
+        else:
+            (controlled if isinstance(effect, ActuatorEffect) else simulated).append(i)
     for c, members in forces.items():
-        laws = np.stack([_law(*wanted[i], linear, c, shooting) for i in members], axis=-1)
+        laws = np.stack([_law(*wanted[i], linear, c, shooting, memory.get(i)) for i in members], axis=-1)
         out[..., members] = linear.respond_to_force(c, laws)
-    if changes:
-        out[..., list(changes)] = _control_columns(wanted, changes, linear, shooting)
+    if controlled:
+        chosen = [(wanted[i][0], memory[i]) for i in controlled]
+        out[..., controlled] = _control_columns(chosen, linear, shooting)
     if simulated:
         base = fit.candidate
         more = [Candidate((*base.effects, wanted[i][0]), (*base.values, wanted[i][1])) for i in simulated]
@@ -71,16 +73,14 @@ def effect_columns(
     return out
 
 
-def _law(effect: Effect, values: Array, linear: Linearization, channel: int, shooting: Shooting) -> Array:
-    """The force of a law in the middle of every interval, ``(S, K)``."""
+def _law(
+    effect: Effect, values: Array, linear: Linearization, channel: int, shooting: Shooting, whole: Array | None
+) -> Array:
+    """The force of a law in the middle of every interval, ``(S, K)``; one with a memory has it over whole runs."""
     position = linear.states[..., linear.positions[channel]]
     velocity = linear.states[..., linear.velocities[channel]]
-    if isinstance(effect, Hysteresis):
-        runs = shooting.segments.runs
-        length = max(len(run) for run in runs)
-        padded = np.stack([np.pad(run.smooth[:, channel], (0, length - len(run)), mode="edge") for run in runs])
-        whole = effect.path(padded, values)
-        index = np.minimum(shooting.segments.first[:, None] + np.arange(position.shape[1]), length - 1)
+    if whole is not None:
+        index = np.minimum(shooting.segments.first[:, None] + np.arange(position.shape[1]), whole.shape[1] - 1)
         along = whole[shooting.segments.run[:, None], index]
         return np.asarray(0.5 * (along[:, 1:] + along[:, :-1]))
     if effect.name == "armature_error":
@@ -100,35 +100,41 @@ def _sensor_column(effect: SensorEffect, values: Array, linear: Linearization) -
     return out
 
 
-def control_changes(wanted: Sequence[tuple[Effect, Array]], shooting: Shooting) -> dict[int, Array]:
-    """By how much effects on actuators change a control, which goes through the same filters as in a simulation.
+def remembered(wanted: Sequence[tuple[Effect, Array]], shooting: Shooting) -> dict[int, Array]:
+    """What effects with a memory do over whole runs, however many segments are looked at then.
 
     Returns:
-        For each of the effects on actuators, by its number, the mean over each interval of whole runs, ``(R, T)``.
+        By its number, for each effect on an actuator, the change of its control, which goes through the same filters as
+        in a simulation, mean over each interval, ``(R, T)``; for each hysteresis its force at each row, ``(R, T + 1)``.
     """
     runs, substeps = shooting.segments.runs, 4
     length = max(len(run) - 1 for run in runs)
     plain = np.stack([np.pad(run.control, ((0, length - len(run) + 1), (0, 0)), mode="edge") for run in runs])
+    smooth = np.stack([np.pad(run.smooth, ((0, length - len(run) + 1), (0, 0)), mode="edge") for run in runs])
     dt = np.stack([np.pad(run.dt, (0, length - len(run) + 1), mode="edge") for run in runs])
     fine, steps = np.repeat(plain, substeps, axis=1), np.repeat(dt / substeps, substeps, axis=1)
+    channel = _channels_of(shooting)
     out = {}
     for i, (effect, values) in enumerate(wanted):
         if isinstance(effect, ActuatorEffect):
             changed = effect.control(fine[None].copy(), steps, values[None])
             assert changed is not None
-            mean = (changed[0] - fine)[..., effect.index].reshape(len(runs), length, substeps).mean(-1)
-            out[i] = mean
+            out[i] = (changed[0] - fine)[..., effect.index].reshape(len(runs), length, substeps).mean(-1)
+        elif isinstance(effect, Hysteresis):
+            out[i] = effect.path(smooth[..., channel[effect.dof]], values)
     return out
 
 
-def _control_columns(
-    wanted: Sequence[tuple[Effect, Array]], changes: Mapping[int, Array], linear: Linearization, shooting: Shooting
-) -> Array:
-    """What changes of controls do, through the linearisation, ``(S, K + 1, C, A)``."""
+def _channels_of(shooting: Shooting) -> dict[int, int]:
+    """The number of each recorded joint by its degree of freedom."""
+    return {int(dof): c for c, dof in enumerate(shooting.engine.channels.dof)}
+
+
+def _control_columns(changed: Sequence[tuple[Effect, Array]], linear: Linearization, shooting: Shooting) -> Array:
+    """What changes of controls over whole runs do, through the linearisation, ``(S, K + 1, C, A)``."""
     segments = shooting.segments
     inputs = []
-    for i, mean in changes.items():
-        effect = wanted[i][0]
+    for effect, mean in changed:
         assert isinstance(effect, ActuatorEffect)
         index = np.minimum(segments.first[:, None] + np.arange(segments.intervals), mean.shape[1] - 1)
         inputs.append(linear.control[..., effect.index] * mean[segments.run[:, None], index][..., None])

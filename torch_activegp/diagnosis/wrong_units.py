@@ -57,13 +57,15 @@ def check_units(model: mujoco.MjModel, channels: Channels, runs: Sequence[Run]) 
     if motion is None:
         return
     missing, there = _forces(model, channels, motion, np.ones(len(channels.joints)))
+    if (there <= 0.0).any():
+        return
     for unit, slip, which in _guesses(channels):
-        factors = np.where(which, 1.0 / slip, 1.0)
-        others, base = _forces(model, channels, motion, factors)
-        if (base <= 0.0).any() or (there <= 0.0).any():
+        before = float((missing / there)[which].max())
+        if before <= _BAD:
             continue
-        before, after = _worst(missing / there, which), _worst(others / base, which)
-        if before > _BAD and after < _GOOD and before > _BETTER * after:
+        others, base = _forces(model, channels, motion, np.where(which, 1.0 / slip, 1.0))
+        after = float((others / base)[which].max()) if (base > 0.0).all() else np.inf
+        if after < _GOOD and before > _BETTER * after:
             joint = channels.joints[int(np.flatnonzero(which)[0])]
             raise DataError(
                 f"{runs[0].label}, column `qpos.{joint}`: rad or m wanted, but this motion would take {before:.0f} "
@@ -79,10 +81,6 @@ def _guesses(channels: Channels) -> Iterator[tuple[str, float, NDArray[np.bool_]
         sets = [kind, *(np.arange(len(kind)) == c for c in np.flatnonzero(kind))] if kind.sum() > 1 else [kind]
         for unit, slip in slips.items():
             yield from ((unit, slip, which) for which in sets if which.any())
-
-
-def _worst(ratio: Array, which: NDArray[np.bool_]) -> float:
-    return float(ratio[which].max())
 
 
 def _motion(runs: Sequence[Run]) -> _Motion | None:
