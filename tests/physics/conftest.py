@@ -22,8 +22,8 @@ XML = """
 <geom type="capsule" size=".02" fromto="0 0 0 .3 0 0" mass=".5"/></body></body></worldbody>
 <actuator><motor name="drive" joint="shoulder" gear="2"/>
 <position name="servo" joint="elbow" kp="5" kv=".2"/></actuator></mujoco>"""
-SHOULDER = Place("joint:shoulder", 0, position=(-0.4, 1.0), speed=2.0, top_speed=4.0, force=2.0, qpos=0, joint=0)
-ELBOW = Place("joint:elbow", 1, position=(-0.6, 0.9), speed=2.0, top_speed=4.0, force=0.5, qpos=1, joint=1)
+SHOULDER = Place("joint:shoulder", 0, position=(-0.4, 1.0), speed=2.0, top_speed=4.0, force=2.0, qpos=0)
+ELBOW = Place("joint:elbow", 1, position=(-0.6, 0.9), speed=2.0, top_speed=4.0, force=0.5, qpos=1)
 DRIVE = Place("actuator:drive", 0, control=1.5)
 SERVO = Place("actuator:servo", 1, control=0.8)
 
@@ -71,13 +71,19 @@ class Bench:
         effect.control(control, np.full((1, len(self.control)), STEP), row)
         memory = effect.memory(np.zeros((1, 2)), np.zeros((1, 2), dtype=int), row)
 
+        steady = np.zeros((1, model.nv))
+        effect.steady(steady, rows, row)
+
         def before(data: mujoco.MjData) -> None:
+            data.qfrc_applied[:] += steady[0]
+            if not effect.needs_steps:
+                return
             seen = Step(
                 data.qpos[None], data.qvel[None], data.ctrl[None], data.qfrc_applied[None], field, np.array([STEP])
             )
             effect.before_step(seen, rows, row, memory)
 
-        return self.run(model, control[0, 0], before if effect.needs_steps else None)
+        return self.run(model, control[0, 0], before)
 
     def force(self, effect: JointEffect, values: Sequence[float]) -> np.ndarray:
         """The effect by its law alone."""

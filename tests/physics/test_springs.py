@@ -40,6 +40,15 @@ def test_the_law_as_a_force_does_the_same(bench: Any, kind: Any, values: Any) ->
     assert bench.gap(bench.hooks(effect, values), bench.force(effect, values)) < 1e-12
 
 
+@pytest.mark.parametrize(("kind", "values"), NAMED, ids=lambda x: getattr(x, "__name__", ""))
+def test_and_on_another_joint_whose_own_spring_rests_elsewhere(bench: Any, kind: Any, values: Any) -> None:
+    xml = bench.xml.replace('name="elbow"', 'name="elbow" stiffness="0.2" springref="0.4"')
+    assert xml != bench.xml
+    machine = dataclasses.replace(bench, xml=xml)
+    effect = kind.at(machine.elbow, machine.model)
+    assert machine.gap(machine.hooks(effect, values), machine.force(effect, values)) < 1e-12
+
+
 @pytest.mark.parametrize(("kind", "values", "near"), CASES, ids=lambda x: getattr(x, "__name__", ""))
 @pytest.mark.parametrize("degree", [False, True])
 def test_the_models_file_does_the_same(bench: Any, kind: Any, values: Any, near: float, degree: bool) -> None:

@@ -5,21 +5,23 @@ from __future__ import annotations
 import copy
 import itertools
 import logging
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 
 import mujoco
 import mujoco.batch
 import numpy as np
+from numpy.typing import NDArray
 
 from torch_activegp.diagnosis.candidate import NOMINAL, Candidate, grouped
-from torch_activegp.diagnosis.controls import Controls, added
+from torch_activegp.diagnosis.controls import Inputs
 from torch_activegp.diagnosis.hermite import position_between, velocity_between
 from torch_activegp.diagnosis.prescribed_motion import PrescribedMotion, make_heavy
 from torch_activegp.diagnosis.readings import readings
 from torch_activegp.diagnosis.runs import Array, Channels, Run, median_step
 from torch_activegp.diagnosis.segments import Segments
+from torch_activegp.diagnosis.stepping import Act, Stepping
 from torch_activegp.errors import ConfigurationError
-from torch_activegp.physics.effect import Effect, Index, Step
+from torch_activegp.physics.effect import Effect, Index
 from torch_activegp.simulators.mujoco_warnings import warnings_to
 
 _logger = logging.getLogger(__name__)
@@ -27,9 +29,6 @@ _MAX_ROWS = 6000
 _FEW = 64
 _MAX_BYTES = 60_000_000
 _Disable = mujoco.mjtDisableBit
-
-Act = Callable[[Step], None]
-"""What is done before a time step."""
 
 
 class Engine:
@@ -45,6 +44,7 @@ class Engine:
         late: controls and forces come half a time step later. Semi-implicit Euler with a velocity that belongs to the
             middle between two positions is the leapfrog scheme, of second order; half a step of the initial velocity is
             free anyhow where it is fitted, and half a step of the control is not.
+        contacts: whether bodies may touch, the search for which takes a fifth of a small model's time.
     """
 
     def __init__(
@@ -56,8 +56,11 @@ class Engine:
         integrator: int | None = None,
         stride: int = 1,
         late: bool = False,
+        contacts: bool = True,
     ) -> None:
         self.model = copy.copy(model)
+        if not contacts:
+            self.model.opt.disableflags |= int(_Disable.mjDSBL_CONTACT)
         self.model.opt.disableflags |= int(_Disable.mjDSBL_CLAMPCTRL)  # runs hold what the limits let pass
         self.model.opt.disableflags |= int(_Disable.mjDSBL_SENSOR)  # readings come from the states
         if integrator is not None:
@@ -70,6 +73,7 @@ class Engine:
         self.stride = stride if model.nq == model.nv else 1
         self.late = late
         self._batches: dict[bool, mujoco.batch.Batch] = {}
+        self._stale: dict[int, NDArray[np.bool_]] = {}  # simulations whose constants follow from edits before
 
     @property
     def state_size(self) -> int:
@@ -121,76 +125,43 @@ class Engine:
     def _simulate(self, segments: Segments, starts: Array, candidates: Sequence[Candidate]) -> Array:
         count, size, intervals, model = len(candidates), segments.size, segments.intervals, self.model
         rows = count * size
-        control = Controls(segments, candidates, self.substeps, model.nu)
-        force = added(segments.take("force"), [candidate.force for candidate in candidates])
         batch = self._batch_for(rows)
         fields = _Fields(batch)
-        time_step = fields("opt.timestep")
-        time_step[:rows] = np.median(segments.dt) / self.substeps
-        acting, derived = self._acting(segments, candidates, batch, fields)
-        views = {name: batch.bind(name)[:rows] for name in ("qpos", "qvel", "ctrl", "qfrc_applied")}
+        fields("opt.timestep")[:rows] = np.median(segments.dt) / self.substeps
+        acting, steady = self._acting(segments, candidates, batch, fields)
+        inputs = Inputs(segments, candidates, self.substeps, model.nu, self.stride, self.late, steady)
         batch.state[:rows] = self._reset_row
         flat = starts.reshape(rows, -1)
-        views["qpos"][:] = flat[:, : model.nq]
-        views["qvel"][:] = flat[:, model.nq :]
+        batch.bind("qpos")[:rows], batch.bind("qvel")[:rows] = flat[:, : model.nq], flat[:, model.nq :]
         batch.warning[:rows] = 0
-        ids = np.arange(rows, dtype=np.int32)
         edges = [*range(0, intervals, self.stride), intervals]
         lengths = np.add.reduceat(segments.dt, edges[:-1], axis=1) / self.substeps
         steps = np.broadcast_to(lengths, (count, *lengths.shape)).reshape(rows, -1)
         acting = [*self._following(segments, lengths, starts[0]), *acting]
         states = np.empty((rows, intervals + 1, self.state_size))
         states[:, 0] = flat
-        once = control.held and not acting and not self.late
-        calls, at_once = (1, self.substeps) if once else (self.substeps, 1)
         with warnings_to(_logger.debug), np.errstate(all="ignore"):
-            for k, (row, after) in enumerate(itertools.pairwise(edges)):
-                time_step[:rows] = steps[:, k]
-                for j in range(calls):
-                    taken = self._held_by(row, after, j)
-                    held_by = [max(r + i // self.substeps, 0) for r, i in taken]
-                    views["ctrl"][:] = _mean([control(r, i) for r, i in taken])
-                    views["qfrc_applied"][:] = _mean([force[:, :, r].reshape(rows, -1) for r in held_by])
-                    if acting:
-                        step = Step(
-                            views["qpos"], views["qvel"], views["ctrl"], views["qfrc_applied"], fields, steps[:, k]
-                        )
-                        for act in acting:
-                            act(step)
-                    try:
-                        batch.step(ids, at_once)
-                    except mujoco.batch.SimulationError as error:
-                        _logger.debug("%s", error)
-                states[:, after, : model.nq], states[:, after, model.nq :] = views["qpos"], views["qvel"]
+            Stepping(batch, inputs, fields, edges, steps, self.substeps, acting).fill(states)
         if self.stride > 1:
             _fill(states, edges, np.tile(segments.dt, (count, 1)), model.nq)
         failed = (batch.warning[:rows, :, 1] > 0).any(axis=1) | (batch.status[:rows] != 0)
         states[failed] = np.nan
         fields.restore(model)
-        if derived:
-            batch.set_const(ids)
         return states.reshape(count, size, intervals + 1, self.state_size)
-
-    def _held_by(self, row: int, after: int, substep: int) -> list[tuple[int, int]]:
-        """Whose inputs a time step takes: intervals, and steps in them; -1 is the one before."""
-        if not self.late:
-            return [(r, substep) for r in range(row, after)]
-        if self.stride == 1:
-            return [(row, substep - 1), (row, substep)]
-        half = self.stride // 2, (self.stride + 1) // 2
-        return [(r - back, 0) for back in half for r in range(row, after)]
 
     def _acting(
         self, segments: Segments, candidates: Sequence[Candidate], batch: mujoco.batch.Batch, fields: _Fields
-    ) -> tuple[list[Act], bool]:
-        """Applies the edits of the models; returns what acts in every step, and if constants changed."""
-        size, derived = segments.size, False
+    ) -> tuple[list[Act], Array]:
+        """Edits the models, with the constants that follow; returns what acts in every step, and what always does."""
+        size, derived = segments.size, np.zeros(len(candidates), dtype=bool)
         starts = np.stack([segments.run, segments.first], axis=1)
+        steady = np.zeros((len(candidates) * size, self.model.nv))
         acting: list[Act] = []
         for effect, which, values in grouped(candidates):
             rows = (which[:, None] * size + np.arange(size)).ravel()
             repeated = np.repeat(values, size, axis=0)
-            derived |= effect.edit(fields, rows, repeated)
+            derived[which] |= effect.edit(fields, rows, repeated)
+            effect.steady(steady, rows, repeated)
             if effect.needs_steps:
                 memory = None
                 if hasattr(effect, "qpos"):
@@ -198,9 +169,12 @@ class Engine:
                     if positions is not None:
                         memory = effect.memory(positions, np.tile(starts, (len(which), 1)), repeated)
                 acting.append(before_steps(effect, rows, repeated, memory))
-        if derived:
-            batch.set_const(np.arange(len(candidates) * size, dtype=np.int32))
-        return acting, derived
+        edited = np.repeat(derived, size)
+        stale = self._stale[batch.nsim][: len(edited)]
+        if len(changed := np.flatnonzero(edited | stale)):
+            batch.set_const(changed.astype(np.int32))
+        stale[:] = edited
+        return acting, steady
 
     def _following(self, segments: Segments, lengths: Array, starts: Array) -> list[Act]:
         """What moves the prescribed joints, where there are any, in substeps of given lengths ``(S, K)``, s."""
@@ -223,6 +197,7 @@ class Engine:
                     f"MuJoCo cannot run this model in batches: {error}. Turn that feature off in the model."
                 ) from error
             self._batches[few] = batch
+            self._stale[capacity] = np.zeros(capacity, dtype=bool)
             self._reset_row = batch.state[0].copy()
         return batch
 
@@ -230,10 +205,6 @@ class Engine:
 def before_steps(effect: Effect, rows: Index, values: Array, memory: Array | None) -> Act:
     """What an effect does before every time step."""
     return lambda step: effect.before_step(step, rows, values, memory)
-
-
-def _mean(columns: list[Array]) -> Array:
-    return columns[0] if len(columns) == 1 else np.asarray(np.mean(columns, axis=0))
 
 
 def _fill(states: Array, edges: list[int], dt: Array, nq: int) -> None:

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
+import numpy as np
+
 from torch_activegp.diagnosis.fit import Fit
 from torch_activegp.diagnosis.proposals import Set
 from torch_activegp.diagnosis.score import Score
@@ -11,6 +13,8 @@ from torch_activegp.diagnosis.shooting import Shooting
 
 PART = 0.2
 """Least share of the segments."""
+CLOSE = 40.0
+"""Chi2 by which a set that costs no more may fit worse on the part and be tried on all data."""
 _CLEAR = 100.0
 """What a set must gain on all data is to be as much on the part: far above the noise of a gain."""
 _LENIENT = 0.3
@@ -21,7 +25,7 @@ def heat(shooting: Shooting, sets: Sequence[Set], fit: Fit, score: Score) -> lis
     """Those of some sets that gain on a part of the data about what they must gain on all of it.
 
     Half of the part are the segments that the fit explains worst. Where little is missing all data are needed to see
-    it, and all sets pass.
+    it, and all sets pass. Sets that cost less than the fit may lose there what they save.
 
     Args:
         shooting: the likelihood.
@@ -30,20 +34,21 @@ def heat(shooting: Shooting, sets: Sequence[Set], fit: Fit, score: Score) -> lis
         score: what they must gain.
 
     Returns:
-        The sets, with the parameters found on the part.
+        The sets; those that were tried have the parameters found on the part.
     """
     paid = score.price(fit.effects)
     priced = [(some, score.price(some[0]) - paid) for some in sets]
-    dear = [(some, price) for some, price in priced if price > _CLEAR]
-    if not dear:
+    tried = [(some, price) for some, price in priced if price > _CLEAR or price < 0.0]
+    if not tried:
         return list(sets)
-    share = max(_CLEAR / min(price for _, price in dear), PART)
+    share = max(_CLEAR / min((price for _, price in tried if price > 0.0), default=np.inf), PART)
     part, which = shooting.subset(share, fit.per_segment)
     if part.segments.size == shooting.segments.size:
         return list(sets)
-    least = _LENIENT * part.segments.size / shooting.segments.size * score.scale
-    passed = near(part, [some for some, _ in dear], fit.pick(which), [-least * price for _, price in dear])
-    return [some for some, price in priced if price <= _CLEAR] + passed
+    share = part.segments.size / shooting.segments.size
+    bars = [score.scale * (-share * price + CLOSE if price < 0.0 else -_LENIENT * share * price) for _, price in tried]
+    passed = near(part, [some for some, _ in tried], fit.pick(which), bars)
+    return [some for some, price in priced if 0.0 <= price <= _CLEAR] + passed
 
 
 def near(part: Shooting, sets: Sequence[Set], here: Fit, bars: Sequence[float]) -> list[Set]:

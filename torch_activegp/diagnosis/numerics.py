@@ -29,6 +29,9 @@ _ROUGHLY = 0.1
 _PRICE = 20.0
 _FINEST = 2.0
 """Chi2 by which shorter steps must fit better: they cost time alone."""
+_JUDGES = 16
+_PART = 0.25
+"""Forms are compared on so many of the segments, or this part of them."""
 _SETTLED = 0.01
 _SAME = 0.02
 _POSES = 300
@@ -40,11 +43,9 @@ _LIKE_A_TIME_STEP = frozenset({"actuator_delay", "actuator_lag", "sensor_delay"}
 _RUNGE_KUTTA = int(mujoco.mjtIntegrator.mjINT_RK4)
 
 
-def _stiff(machine: Machine) -> bool:
-    """Whether something touches in the recorded poses, and not by chance: contacts and stops want a small time step."""
+def _touching(machine: Machine) -> float:
+    """The part of the recorded poses in which something touches, or a joint is at its limit."""
     model, channels = machine.model, machine.channels
-    if model.neq or model.ntendon:
-        return True
     data = mujoco.MjData(model)
     seen = touching = 0
     for run in (*machine.fit, *machine.holdout):
@@ -56,7 +57,7 @@ def _stiff(machine: Machine) -> bool:
             mujoco.mj_fwdPosition(model, data)
             seen += 1
             touching += bool(data.ncon or data.nl)
-    return touching > _TOUCHING * seen
+    return touching / max(seen, 1)
 
 
 def _cheap(model: mujoco.MjModel) -> int:
@@ -112,7 +113,9 @@ class Numerics:
         model, channels = machine.model, machine.channels
         step = median_step(machine.fit)
         few = max(int(np.ceil(step / _STEP - 1e-6)), 1)
-        plain, stiff = substeps_for(model, machine.fit), _stiff(machine)
+        plain, touching = substeps_for(model, machine.fit), _touching(machine)
+        stiff = bool(model.neq or model.ntendon) or touching > _TOUCHING
+        free = touching == 0.0
         stride = 1 if stiff else max(int(_STEP / step + 1e-6), 1)
         given = Engine(model, channels, plain, nthread)
         often = max(few, plain)
@@ -122,14 +125,14 @@ class Numerics:
         halfway = max(math.ceil(often / 2), few) if stiff else few
         short = int(np.ceil(step / _EFFECT_STEP - 1e-6))
         coarse, late = (
-            Engine(model, channels, min(seldom, plain), nthread, _cheap(model), stride=stride, late=late)
+            Engine(model, channels, min(seldom, plain), nthread, _cheap(model), stride, late, contacts=not free)
             for late in (False, True)
         )
         return cls(
             given,
             fine,
             coarse,
-            fine if often == halfway else Engine(model, channels, halfway, nthread, _RUNGE_KUTTA),
+            Engine(model, channels, halfway, nthread, _RUNGE_KUTTA, contacts=not free) if halfway < often else fine,
             stiff,
             Engine(model, channels, short, nthread, _RUNGE_KUTTA) if short > often else None,
             late if model.nu and not stiff else None,
@@ -157,26 +160,30 @@ class Numerics:
         Returns:
             The precise engine; the likelihood to compare sets with; the nominal's fit; the first set's.
         """
-        first = Shooting(self.coarse, segments, noise)
-        rough = near
+        whole = Shooting(self.coarse, segments, noise)
+        first, which = whole.subset(max(_JUDGES / segments.size, _PART))
+        rough = here = near.pick(which)
         if sets and tuple(sets[0][0]) != near.effects:
             for cheap in dict.fromkeys((self.coarse, self.middle, self.given)):
-                first = Shooting(cheap, segments, noise)
-                rough = first.fit(sets[:1], near.starts, design=near.design)[0]
+                rough = dataclasses.replace(first, engine=cheap).fit(sets[:1], here.starts, design=here.design)[0]
                 if np.isfinite(rough.chi2):
                     break
         trials = [*sets[:1], *_without_delays(sets[:1])]
         results = []
         for engine in self._forms(trials[0][0] if trials else (), known):
-            if known is not None and engine is known[0] and rough is near:
-                working, judged = known[1], near
-            else:
-                working, judged = self._working(engine, first, rough)
+            working, judged = self._working(engine, first, rough)
             others = working.fit(trials[1:], judged.starts, design=judged.design) if len(trials) > 1 else []
-            best = min([judged, *others], key=lambda fit: fit.chi2 + _PRICE * fit.size)
+            best = min([judged, *others], key=lambda fit: whole.dof / first.dof * fit.chi2 + _PRICE * fit.size)
             price = _PRICE * best.size + (_FINEST if engine is self.finest else 0.0)
-            results.append((best.chi2 + price, engine, working, best))
+            results.append((whole.dof / first.dof * best.chi2 + price, engine, working, best))
         _, engine, working, judged = min(results, key=lambda result: result[0])
+        if known is not None and engine is known[0] and judged.effects == near.effects:
+            return *known, nominal, near
+        if first.segments.size < segments.size:
+            begin = dataclasses.replace(near, effects=judged.effects, values=judged.values)
+            working, judged = _settled(
+                dataclasses.replace(whole, engine=working.engine, cheap=self.coarse), engine, begin
+            )
         if not sets:
             return engine, working, judged, judged
         return engine, working, working.fit([((), ())], nominal.starts, design=nominal.design)[0], judged

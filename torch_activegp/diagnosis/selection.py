@@ -10,7 +10,7 @@ import numpy as np
 
 from torch_activegp.diagnosis.compared import Selection, fitted, without_each
 from torch_activegp.diagnosis.fit import Fit
-from torch_activegp.diagnosis.heats import PART, heat, near
+from torch_activegp.diagnosis.heats import CLOSE, PART, heat, near
 from torch_activegp.diagnosis.proposals import (
     MOST,
     Set,
@@ -38,7 +38,6 @@ ALIKE = 0.6
 """To stand in for an effect, another one must gain so much of what it gains, to first order."""
 MAX_EFFECTS = 4
 _PLENTY = 400.0
-_CLOSE = 40.0
 _COMPANY = 40
 _ROUNDS = 10
 _MORE = 20.0
@@ -180,7 +179,7 @@ def _simplify(selection: Selection, shooting: Shooting, effects: Sequence[Effect
     known: dict[frozenset[Effect], float] = {}
     for fit in selection.fits:
         known[frozenset(fit.effects)] = min(fit.chi2, known.get(frozenset(fit.effects), np.inf))
-    sets = simpler(best, effects, known, best.chi2 + _CLOSE * selection.score.scale)
+    sets = simpler(best, effects, known, best.chi2 + CLOSE * selection.score.scale)
     fewer = without_weak(best, lambda effect: selection.score.scale * selection.score.price([effect]))
     sets += [fewer] if fewer and frozenset(fewer[0]) not in known else []
     sets = heat(shooting, sets, best, selection.score)
@@ -213,7 +212,7 @@ def _swap(selection: Selection, shooting: Shooting, effects: Sequence[Effect]) -
         fresh.pop(frozenset(known.effects), None)
     sets = list(fresh.values())
     if sets and part.segments.size < shooting.segments.size:
-        sets = near(part, sets, best.pick(which), [_CLOSE * selection.score.scale] * len(sets))
+        sets = near(part, sets, best.pick(which), [CLOSE * selection.score.scale] * len(sets))
     if sets:
         selection.add(shooting.fit(sets, best.starts, race=True, design=best.design))
     selection.rescale(shooting.dof)

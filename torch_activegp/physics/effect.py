@@ -109,6 +109,9 @@ class Effect:
         """Changes the model of some simulations; returns whether derived constants must be computed anew."""
         return False
 
+    def steady(self, force: Array, rows: Index, values: Array) -> None:
+        """Adds generalised forces that never change, ``(R, nv)``, N m or N, before the first time step."""
+
     def before_step(self, step: Step, rows: Index, values: Array, memory: Array | None) -> None:
         """Adds forces, or changes the model, before each time step."""
 
@@ -174,7 +177,6 @@ class Place:
         control: largest absolute control.
         dt: time between samples, s.
         qpos: address of the position.
-        joint: the joint's id.
         loss: the model's own ``frictionloss`` there.
     """
 
@@ -189,7 +191,6 @@ class Place:
     control: float = 1.0
     dt: float = 0.01
     qpos: int = 0
-    joint: int = 0
     loss: float = 0.0
 
     @property

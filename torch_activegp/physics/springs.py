@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Sequence
-from typing import ClassVar, Self
+from collections.abc import Callable, Sequence
+from typing import Any, ClassVar, Self
 
 import mujoco
 import numpy as np
 
-from torch_activegp.physics.effect import Array, Effect, Parameter, Place
+from torch_activegp.physics.effect import Array, Effect, Index, Parameter, Place
 from torch_activegp.physics.joint import JointEffect
 
 _SMALL = 0.05
@@ -24,6 +24,7 @@ class ConstantForce(JointEffect):
 
     name = "constant_force"
     law = "F"
+    needs_steps = False
 
     @classmethod
     def at(cls, place: Place, model: mujoco.MjModel) -> Self:
@@ -35,13 +36,48 @@ class ConstantForce(JointEffect):
         """The law; see :meth:`JointEffect.force`."""
         return values[0] + 0.0 * position
 
+    def steady(self, force: Array, rows: Index, values: Array) -> None:
+        """Adds the force."""
+        force[rows, self.dof] += values[:, 0]
+
     def write(self, spec: mujoco.MjSpec, values: Array) -> bool:
         """Writes a passive DC motor with a cogging of no periods: a constant torque."""
         self.add_passive(spec, cogging=[float(values[0]), 0.0, 0.5 * np.pi])
         return True
 
 
-class LinearSpring(JointEffect):
+@dataclasses.dataclass(frozen=True, eq=False)
+class Spring(JointEffect):
+    """Base of the springs, which MuJoCo's own joints have: no force that is held over a time step is as good.
+
+    Args:
+        at_joint: the joint's id in the model.
+        rest: where the model's own spring rests, rad or m.
+    """
+
+    at_joint: int = 0
+    rest: float = 0.0
+
+    needs_steps = False
+
+    @classmethod
+    def around(cls, place: Place, model: mujoco.MjModel, parameters: tuple[Parameter, ...], **options: Any) -> Self:
+        """Makes the spring for a joint; its first seed is soft and rests at zero."""
+        seed = [parameters[0].scale, *(0.0 for _ in parameters[1:])]
+        joint, rest = int(model.dof_jntid[place.index]), float(model.qpos_spring[place.qpos])
+        return cls.make(place, parameters, [seed], at_joint=joint, rest=rest, **options)
+
+    def edit(self, field: Callable[[str], Array], rows: Index, values: Array) -> bool:
+        """Adds to ``jnt_stiffness``, around the rest of the model's own spring."""
+        field("jnt_stiffness")[rows, self.at_joint] += values[:, 0]
+        return False
+
+    def steady(self, force: Array, rows: Index, values: Array) -> None:
+        """Adds what moves the rest of the spring."""
+        force[rows, self.dof] += self.force(np.full(len(rows), self.rest), np.zeros(len(rows)), values.T)
+
+
+class LinearSpring(Spring):
     """-k (q - q0): MJCF's ``joint stiffness`` and ``springref``. The amplitudes are k and k q0."""
 
     name = "linear_spring"
@@ -55,7 +91,7 @@ class LinearSpring(JointEffect):
             Parameter("stiffness", f"{place.force_unit}/{place.position_unit}", scale, low=_softest(place, model)),
             Parameter("preload", place.force_unit, _SMALL * place.force),
         )
-        return cls.make(place, parameters, [[scale, 0.0]], linear=2, variant="rest")
+        return cls.around(place, model, parameters, linear=2, variant="rest")
 
     def force(self, position: Array, velocity: Array, values: Sequence[Array] | Array) -> Array:
         """The law; see :meth:`JointEffect.force`."""
@@ -70,7 +106,7 @@ class LinearSpring(JointEffect):
         return {"stiffness": float(values[0]), "rest": float(values[1] / values[0]) if values[0] else 0.0}
 
 
-class CenteredSpring(JointEffect):
+class CenteredSpring(Spring):
     """-k q: a spring at rest where the model's coordinate is zero."""
 
     name = "linear_spring"
@@ -81,7 +117,7 @@ class CenteredSpring(JointEffect):
         """Makes the effect for a joint."""
         scale = _SMALL * place.force / _reach(place)
         unit = f"{place.force_unit}/{place.position_unit}"
-        return cls.make(place, (Parameter("stiffness", unit, scale, low=_softest(place, model)),), [[scale]])
+        return cls.around(place, model, (Parameter("stiffness", unit, scale, low=_softest(place, model)),))
 
     def force(self, position: Array, velocity: Array, values: Sequence[Array] | Array) -> Array:
         """The law; see :meth:`JointEffect.force`."""
@@ -92,7 +128,7 @@ class CenteredSpring(JointEffect):
         return _write_spring(self, spec, float(values[0]), 0.0)
 
 
-class CubicSpring(JointEffect):
+class CubicSpring(Spring):
     """-k q^3: MJCF's ``joint stiffness``, third coefficient."""
 
     name = "cubic_spring"
@@ -104,11 +140,25 @@ class CubicSpring(JointEffect):
         scale = _SMALL * place.force / _reach(place) ** 3
         unit = f"{place.force_unit}/{place.position_unit}3"
         low = -float(model.jnt_stiffnesspoly[model.dof_jntid[place.index], 1])
-        return cls.make(place, (Parameter("stiffness", unit, scale, low=low),), [[scale]])
+        return cls.around(place, model, (Parameter("stiffness", unit, scale, low=low),))
 
     def force(self, position: Array, velocity: Array, values: Sequence[Array] | Array) -> Array:
         """The law; see :meth:`JointEffect.force`."""
         return -values[0] * position**3
+
+    @property
+    def needs_steps(self) -> bool:  # type: ignore[override]
+        """Only where the model's own spring does not rest at zero."""
+        return self.rest != 0.0
+
+    def edit(self, field: Callable[[str], Array], rows: Index, values: Array) -> bool:
+        """Adds to ``jnt_stiffnesspoly``."""
+        if not self.needs_steps:
+            field("jnt_stiffnesspoly")[rows, self.at_joint, 1] += values[:, 0]
+        return False
+
+    def steady(self, force: Array, rows: Index, values: Array) -> None:
+        """Adds nothing."""
 
     def write(self, spec: mujoco.MjSpec, values: Array) -> bool:
         """Writes the third coefficient of the stiffness, where the model's spring rests at zero."""
