@@ -125,7 +125,8 @@ class Engine:
     def _simulate(self, segments: Segments, starts: Array, candidates: Sequence[Candidate]) -> Array:
         count, size, intervals, model = len(candidates), segments.size, segments.intervals, self.model
         rows = count * size
-        batch = self._batch_for(rows)
+        halting = any(effect.needs_steps for candidate in candidates for effect in candidate.effects)
+        batch = self._batch_for(rows, few=rows <= _FEW and (halting or self.channels.prescribed is not None))
         fields = _Fields(batch)
         fields("opt.timestep")[:rows] = np.median(segments.dt) / self.substeps
         acting, steady = self._acting(segments, candidates, batch, fields)
@@ -184,9 +185,8 @@ class Engine:
         steps = np.repeat(lengths, self.substeps, axis=1)
         return [PrescribedMotion(self.model, joints, segments, steps, starts[:, joints.qpos])]
 
-    def _batch_for(self, rows: int) -> mujoco.batch.Batch:
-        """A batch with room for so many simulations; a few of them wait longer for threads than for each other."""
-        few = rows <= _FEW
+    def _batch_for(self, rows: int, few: bool) -> mujoco.batch.Batch:
+        """A batch with room for so many simulations; a few that stop at every step wait for no other thread."""
         batch = self._batches.get(few)
         if batch is None or batch.nsim < rows:
             capacity = _FEW if few else 1 << max(rows - 1, 0).bit_length()

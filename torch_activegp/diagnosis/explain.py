@@ -224,7 +224,10 @@ def _starts_of(fit: Fit, best: Fit) -> Sets:
 
 
 def _leaders(selection: Selection) -> Sets:
-    return [(fit.effects, fit.values) for fit in selection.ranked()[:3] if fit.effects]
+    """The best sets with effects: three at most, and none that more data cannot bring to the front."""
+    far = selection.score(selection.best) + selection.score.slack
+    near = [fit for fit in selection.ranked()[:3] if selection.score(fit) <= far]
+    return [(fit.effects, fit.values) for fit in near if fit.effects]
 
 
 def _longest(machine: Machine, numerics: Numerics, noise: NoiseModel, too_far: float) -> tuple[Segments, Fit]:
