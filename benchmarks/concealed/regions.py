@@ -25,8 +25,8 @@ def score_regions(key: Mapping[str, Any], diagnosis: Mapping[str, Any], cases: P
         inside = _inside(table, effect["region"])
         shares.append(float(inside.mean()))
         if inside.any() and not inside.all():
-            region = places[0].get("region") if places else None
-            guess = _inside(table, region) if region else np.ones(len(table), bool)
+            marked = [_inside(table, place.get("region") or {}) for place in places]
+            guess = np.any(marked, axis=0) if marked else np.ones(len(table), bool)
             areas.append(area(inside, guess.astype(float)))
     return areas, shares
 

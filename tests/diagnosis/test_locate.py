@@ -5,6 +5,7 @@ import numpy as np
 import pytest
 
 from torch_activegp.diagnosis.locate import Region, actuated_joint, entries, locate, somewhere
+from torch_activegp.physics.effect import Acting
 
 
 def region(joint: str, force: list[float], over: str = "qpos.a", gain: float = 100.0, adjusted: float = 1e-9) -> Region:
@@ -57,20 +58,45 @@ def test_every_joint_with_something_gets_an_entry_by_share() -> None:
 
 def test_what_is_named_says_where_it_acts(bench) -> None:
     stops = [effect for effect in bench.effects if effect.name == "joint_stop"]
-    slip = bench.effect("stribeck_friction")
+    slip, clip = bench.effect("stribeck_friction"), bench.effect("actuator_saturation", "actuator:drive")
     assert somewhere([(bench.effect("viscous_friction"), np.array([0.1]))]) == {}
     ends = {e.variant: somewhere([(e, np.array([9.0, 1.0, 0.7])), (slip, np.ones(3))])["hip"] for e in stops}
-    assert ends == {"upper": ("qpos.hip", 0.7, np.inf), "lower": ("qpos.hip", -np.inf, -0.7)}
-    slow = somewhere([(slip, np.array([0.0, 1.0, 0.1]))])["hip"]
-    np.testing.assert_allclose(slow[1:], (-0.1517, 0.1517), atol=1e-4)
-    assert somewhere([(slip, np.array([1.0, 1.0, 0.1]))]) == {}
+    assert {variant: acting.within for variant, acting in ends.items()} == {
+        "upper": ((0.7, np.inf),),
+        "lower": ((-np.inf, -0.7),),
+    }
+    slow = somewhere([(slip, np.array([1.0, 1.0, 0.1]))])["hip"]
+    assert slow.over == "qvel.hip"
+    np.testing.assert_allclose(slow.within, [(-0.1517, 0.1517)], atol=1e-4)
+    past = somewhere([(clip, np.array([0.4]))])["hip"]
+    assert past == ("hip", "ctrl.drive", ((0.4, np.inf), (-np.inf, -0.4)))
+
+
+def test_the_region_of_a_named_effect_is_where_it_acts_as_far_as_that_was_seen(bench) -> None:
     found = [region("hip", [1.0] * 10, "qvel.hip", 500.0), region("hip", [1.0] * 10, "qpos.hip", 100.0)]
-    (entry,) = entries(found, 1000.0, {"hip": ("qpos.hip", 8.5, np.inf)})
+    (entry,) = entries(found, 1000.0, {"hip": Acting("hip", "qpos.hip", ((8.5, np.inf),))})
     assert entry["region"] == {"qpos.hip": [8.5, 10.0]}
     assert entry["share"] == pytest.approx(0.49)
-    for known in (("qpos.hip", 10.5, np.inf), ("ctrl.drive", -1.0, 1.0)):  # past all that was seen; seen nowhere
-        (entry,) = entries(found, 1000.0, {"hip": known})
+    for over, within in (("qpos.hip", (10.5, np.inf)), ("ctrl.drive", (-1.0, 1.0))):  # past all; seen nowhere
+        (entry,) = entries(found, 1000.0, {"hip": Acting("hip", over, (within,))})
         assert list(entry["region"]) == ["qvel.hip"]
+
+
+def test_two_sides_are_two_entries_and_the_second_comes_last() -> None:
+    found = [
+        region("hip", [3.0, 1, 1, 1, 1, 1, 1, 1, 1, 1], "ctrl.drive", 510.0),
+        region("knee", [1.0] * 10, "qvel.knee", 210.0),
+    ]
+    sides = Acting("hip", "ctrl.drive", ((9.0, np.inf), (-np.inf, 1.0)))
+    listed = entries(found, 1000.0, {"hip": sides})
+    assert [entry["region"] for entry in listed] == [
+        {"ctrl.drive": [9.0, 10.0]},
+        {"qvel.knee": [0.0, 10.0]},
+        {"ctrl.drive": [0.0, 1.0]},
+    ]
+    assert [entry["share"] for entry in listed] == pytest.approx([0.05, 0.2, 0.45])
+    (first, _) = entries(found, 1000.0, {"hip": Acting("hip", "ctrl.drive", ((9.0, np.inf), (-np.inf, -1.0)))})
+    assert first["share"] == pytest.approx(0.5)  # the other side was never seen
 
 
 def test_a_bump_in_the_truth_is_located(diagnosed) -> None:

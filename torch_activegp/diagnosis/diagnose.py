@@ -157,10 +157,11 @@ def _report(
 
 def _certain(judgement: Judgement) -> list[tuple[Effect, Array]]:
     """The named effects with their parameters, where nothing could stand in for them."""
-    if judgement.verdict != "named":
+    if judgement.verdict not in ("named", "tie"):
         return []
     values = dict(zip(judgement.fit.effects, judgement.fit.values, strict=True))
-    return [(effect, values[effect]) for effect in judgement.named]
+    named = zip(judgement.named, judgement.ties, strict=True)
+    return [(effect, values[effect]) for effect, ties in named if not ties]
 
 
 def _remainder(explanation: Explanation, judgement: Judgement, chosen: Fit) -> Outcome | None:

@@ -20,7 +20,7 @@ from torch_activegp.diagnosis.noise_model import NoiseModel
 from torch_activegp.diagnosis.numerics import Numerics, Sets
 from torch_activegp.diagnosis.runs import Array, median_step
 from torch_activegp.diagnosis.segments import Segments, cut, halve
-from torch_activegp.diagnosis.selection import select
+from torch_activegp.diagnosis.selection import Depth, select
 from torch_activegp.diagnosis.shooting import Shooting
 from torch_activegp.physics.effect import Effect
 
@@ -143,7 +143,12 @@ def _start(
         part, which = shooting.subset(max(_ENOUGH / excess, 0.2))
         here = nominal.pick(which)
         rough = part.fit([((), ())], here.starts, design=here.design)[0]
-        chosen = select(part, effects, rough, tell=tell, swaps=0)  # swaps come with all data
+        chosen = select(part, effects, rough, tell=tell, depth=Depth(rounds=1))
+        if chosen.best.effects:
+            part = part.corrected(engine, chosen.best)  # the error of its form behind the nominal is another one
+            rough = part.fit([((), ())], rough.starts, design=rough.design)[0]
+            sets, free, states = _leaders(chosen), chosen.score.free, chosen.best.starts
+            chosen = select(part, effects, rough, sets, states, tell, free, Depth(swaps=0))  # swaps come with all data
         sets, free = _leaders(chosen), chosen.score.free
         if segments.far_off(nominal.per_segment, _FAR / 4).any():
             segments, nominal = _longest(machine, numerics, noise, _TOO_FAR)
@@ -237,16 +242,23 @@ def _longest(machine: Machine, numerics: Numerics, noise: NoiseModel, too_far: f
     """
     step = median_step(machine.fit)
     segments = cut(machine.fit, max(SECONDS, ROWS * step), PAD)
+    forms = [numerics.coarse, *([numerics.late] if numerics.late is not None else [])]
     while True:
-        shooting = Shooting(numerics.coarse, segments, noise)
-        best = shooting.fit([((), ())], shooting.engine.starts(segments), rounds=6)[0]
-        best = chained(shooting, best)
+        fits = [(_nominal(Shooting(form, segments, noise)), form) for form in forms]
+        best, form = min(fits, key=lambda pair: pair[0].chi2)
+        forms = [form]
         bad = segments.far_off(best.per_segment, too_far) | (_growth(best, segments, noise) > _GROWTH)
         long = segments.dt[:, 0] * np.diff(segments.scored, axis=1)[:, 0] > 1.5 * _SHORTEST
         shorter = halve(segments, bad & long)
         if shorter.size == segments.size:
             return segments, best
         segments = shorter
+
+
+def _nominal(shooting: Shooting) -> Fit:
+    """The model without effects, roughly."""
+    fit = shooting.fit([((), ())], shooting.engine.starts(shooting.segments), rounds=6)[0]
+    return chained(shooting, fit)
 
 
 def _growth(fit: Fit, segments: Segments, noise: NoiseModel) -> Array:

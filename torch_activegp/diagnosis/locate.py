@@ -17,12 +17,13 @@ from torch_activegp.diagnosis.linearize import Linearization, linearize
 from torch_activegp.diagnosis.runs import Array
 from torch_activegp.diagnosis.screening import _gain, _project
 from torch_activegp.diagnosis.shooting import Shooting
-from torch_activegp.physics.effect import Effect
+from torch_activegp.physics.effect import Acting, Effect
 
 BINS = 14
 _RATE = 0.05
 _ENERGY = 0.85
 _WHOLE = 0.75
+_NEARLY = 0.7
 
 
 @dataclasses.dataclass(frozen=True)
@@ -50,6 +51,11 @@ class Region:
     gain: float
     p_value: float
     adjusted: float = 1.0
+
+    def energy(self, low: float, high: float) -> float:
+        """Energy of the force in the bins whose middle lies in an interval."""
+        middle = 0.5 * (self.edges[1:] + self.edges[:-1])
+        return float((self.force**2 * self.count)[(middle >= low) & (middle <= high)].sum())
 
     @property
     def interval(self) -> tuple[float, float] | None:
@@ -93,54 +99,71 @@ def locate(shooting: Shooting, fit: Fit) -> list[Region]:
     return [dataclasses.replace(r, adjusted=float(a)) for r, a in zip(regions, adjusted, strict=True)]
 
 
-Somewhere = Mapping[str, tuple[str, float, float]]
-"""For a joint, the variable and the interval in which alone what was named there acts."""
-
-
-def somewhere(named: Sequence[tuple[Effect, Array]]) -> Somewhere:
+def somewhere(named: Sequence[tuple[Effect, Array]]) -> dict[str, Acting]:
     """Where named effects act that do so only somewhere; the first one of each joint.
 
     Args:
         named: effects with their parameters.
     """
-    found: dict[str, tuple[str, float, float]] = {}
+    found: dict[str, Acting] = {}
     for effect, values in named:
-        acts, (kind, _, joint) = effect.acts(values), effect.target.partition(":")
-        if acts is not None and kind == "joint":
-            found.setdefault(joint, (f"{acts[0]}.{joint}", *acts[1:]))
+        acting = effect.acts(values)
+        if acting is not None:
+            found.setdefault(acting.joint, acting)
     return found
 
 
 def entries(
-    regions: Sequence[Region], mismatch: float, known: Somewhere = MappingProxyType({})
+    regions: Sequence[Region], mismatch: float, known: Mapping[str, Acting] = MappingProxyType({})
 ) -> list[dict[str, Any]]:
     """The ``location`` of ``diagnosis.json``: the best variable of every joint where something is.
 
-    The share of a joint is what a force on it alone would explain.
+    The share of a joint is what a force on it alone would explain. A joint where a named effect acts in two intervals
+    has two entries, each with its part of the share; the second ones come last.
 
     Args:
         regions: of :func:`locate`.
         mismatch: chi2 of the nominal above the noise.
         known: where named effects act; says more than bins do.
     """
-    out = []
+    out: list[tuple[int, float, dict[str, Any]]] = []
     for joint in dict.fromkeys(region.joint for region in regions):
         own = [r for r in regions if r.joint == joint and r.adjusted < _RATE]
         if not own:
             continue
         best = max(own, key=lambda r: r.gain - len(r.force))
-        local = [r for r in own if r.interval is not None and r.gain > 0.7 * best.gain]
-        chosen = max(local, key=lambda r: r.gain) if local else best
-        interval = chosen.interval or (float(chosen.edges[0]), float(chosen.edges[-1]))
         share = float(np.clip((best.gain - len(best.force)) / max(mismatch, 1e-300), 0.0, 1.0))
-        over, q_value = chosen.over, chosen.adjusted
-        if joint in known and (seen := [r for r in regions if (r.joint, r.over) == (joint, known[joint][0])]):
-            low, high = max(known[joint][1], float(seen[0].edges[0])), min(known[joint][2], float(seen[0].edges[-1]))
-            if low < high:
-                over, interval, q_value = known[joint][0], (low, high), seen[0].adjusted
-        region = {over: list(interval)}
-        out.append({"target": f"joint:{joint}", "share": share, "region": region, "q_value": q_value})
-    return sorted(out, key=lambda entry: -float(entry["share"]))
+        chosen, within = _known(joint, regions, known) or _local(best, own)
+        parts = [chosen.energy(*interval) for interval in within]
+        for number, (interval, part) in enumerate(zip(within, parts, strict=True)):
+            its = share * (part / sum(parts) if sum(parts) > 0.0 else 1.0 / len(parts))
+            region = {chosen.over: list(interval)}
+            entry = {"target": f"joint:{joint}", "share": its, "region": region, "q_value": chosen.adjusted}
+            out.append((number, -share, entry))
+    return [entry for _, _, entry in sorted(out, key=lambda item: item[:2])]
+
+
+def _known(
+    joint: str, regions: Sequence[Region], known: Mapping[str, Acting]
+) -> tuple[Region, list[tuple[float, float]]] | None:
+    """Where a named effect acts on a joint, as far as that was seen."""
+    if joint not in known:
+        return None
+    _, over, within = known[joint]
+    for seen in regions:
+        if (seen.joint, seen.over) == (joint, over):
+            first, last = float(seen.edges[0]), float(seen.edges[-1])
+            cut = [(max(low, first), min(high, last)) for low, high in within]
+            inside = [(low, high) for low, high in cut if low < high]
+            return (seen, inside) if inside else None
+    return None
+
+
+def _local(best: Region, own: Sequence[Region]) -> tuple[Region, list[tuple[float, float]]]:
+    """Of the variables that explain nearly as much as the best one, one whose force is only somewhere."""
+    local = [r for r in own if r.interval is not None and r.gain > _NEARLY * best.gain]
+    chosen = max(local, key=lambda r: r.gain) if local else best
+    return chosen, [chosen.interval or (float(chosen.edges[0]), float(chosen.edges[-1]))]
 
 
 def _variables(shooting: Shooting, linear: Linearization) -> dict[str, Array]:

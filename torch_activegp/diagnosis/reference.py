@@ -2,13 +2,10 @@
 
 from __future__ import annotations
 
-import dataclasses
-import itertools
-
 import numpy as np
 
-from torch_activegp.diagnosis.engine import Candidate
 from torch_activegp.diagnosis.fit import Fit
+from torch_activegp.diagnosis.linearize import linearize
 from torch_activegp.diagnosis.runs import Array
 from torch_activegp.diagnosis.shooting import Shooting
 
@@ -22,23 +19,14 @@ def free_force_columns(shooting: Shooting, fit: Fit, seconds: float = _BIN) -> t
         Residuals ``(S, K + 1, C)``, derivatives by states ``(S, K + 1, C, n)`` and by forces ``(S, K + 1, C, B)``, all
         in rad or m, not whitened.
     """
-    segments, engine = shooting.segments, shooting.differences
-    sizes = shooting.state_columns(fit.starts)
-    n, base = len(sizes), fit.candidate
+    segments, engine = shooting.segments, shooting.engine
+    linear = linearize(shooting, fit)
     bins = max(round(float(segments.dt.sum(1).mean()) / seconds), 1)
-    edges = np.linspace(0, segments.intervals, bins + 1).round().astype(int)
-    pushes = []
-    for dof in engine.channels.dof:
-        strength = 0.02 / max(float(engine.model.dof_invweight0[dof]), 1e-12)
-        for a, b in itertools.pairwise(edges):
-            force = np.zeros((segments.size, segments.intervals, engine.model.nv))
-            force[:, a:b, dof] = strength
-            pushes.append(dataclasses.replace(base, force=force))
-    candidates: list[Candidate] = [base] * (1 + n) + pushes
-    starts = np.repeat(fit.starts[None], len(candidates), axis=0)
-    starts[1 : 1 + n] += np.eye(n)[:, None, :] * sizes
-    predicted = np.nan_to_num(engine.predict(segments, starts, candidates)[0])
-    moved = np.moveaxis(predicted[1:] - predicted[0], 0, -1)
+    edges = np.linspace(0, segments.intervals, bins + 1).round()
+    within = np.digitize(np.arange(segments.intervals), edges[1:-1])
+    boxes = np.broadcast_to(within[:, None] == np.arange(bins), (segments.size, segments.intervals, bins))
+    strengths = [0.02 / max(float(engine.model.dof_invweight0[dof]), 1e-12) for dof in engine.channels.dof]
+    forces = [linear.respond_to_force(c, strength * boxes) for c, strength in enumerate(strengths)]
     measured = segments.position if shooting.offset is None else segments.position - shooting.offset
-    exact, _ = shooting.engine.predict(segments, fit.starts[None], [base])
-    return measured - np.nan_to_num(exact[0]), moved[..., :n] / sizes, moved[..., n:]
+    exact, _ = engine.predict(segments, fit.starts[None], [fit.candidate])
+    return measured - np.nan_to_num(exact[0]), linear.respond_to_start(), np.concatenate(forces, axis=-1)

@@ -5,6 +5,7 @@ from __future__ import annotations
 import dataclasses
 import functools
 from collections.abc import Callable, Sequence
+from typing import NamedTuple
 
 import numpy as np
 
@@ -43,6 +44,18 @@ _ROUNDS = 10
 _MORE = 20.0
 
 
+class Depth(NamedTuple):
+    """How far to search.
+
+    Args:
+        rounds: how often the best sets are developed.
+        swaps: how often others are tried in place of each effect.
+    """
+
+    rounds: int = 2 * MAX_EFFECTS
+    swaps: int = SWAPS
+
+
 def select(
     shooting: Shooting,
     effects: Sequence[Effect],
@@ -51,7 +64,7 @@ def select(
     starts: Array | None = None,
     tell: Callable[[str], None] = lambda _: None,
     free: frozenset[tuple[str, str]] = frozenset(),
-    swaps: int = SWAPS,
+    depth: Depth | None = None,
 ) -> Selection:
     """Chooses effects that explain the residuals.
 
@@ -63,8 +76,9 @@ def select(
         starts: initial states for them.
         tell: hears what is being done.
         free: what seemed to be tuned already, :attr:`Score.free`.
-        swaps: how often others are tried in place of each effect.
+        depth: of the search; to its end where there is none.
     """
+    depth = depth or Depth()
     names = len({effect.key for effect in effects})
     selection = Selection(nominal, [nominal], Score(shooting.samples, names, 1.0, free=free))
     if sets:
@@ -72,10 +86,10 @@ def select(
         selection.add(shooting.fit(sets, states, design=nominal.design))
         selection.rescale(shooting.dof)
     expanded: set[frozenset[Effect]] = set()
-    _search(selection, shooting, effects, expanded, tell, swaps)
+    _search(selection, shooting, effects, expanded, tell, depth)
     if selection.score.free and not _only_undoes(selection, shooting):
         selection.score = dataclasses.replace(selection.score, free=frozenset())
-        _search(selection, shooting, effects, expanded, tell, swaps)
+        _search(selection, shooting, effects, expanded, tell, depth)
     return selection
 
 
@@ -85,16 +99,20 @@ def _search(
     effects: Sequence[Effect],
     expanded: set[frozenset[Effect]],
     tell: Callable[[str], None],
-    most_swaps: int,
+    depth: Depth,
 ) -> None:
     """Develops the best sets until none is left that could become the best."""
     swapped: frozenset[Effect] = frozenset()
     swaps = 0
-    for _ in range(2 * MAX_EFFECTS):
+    for _ in range(depth.rounds):
         beam = [f for f in selection.ranked() if frozenset(f.effects) not in expanded]
         beam = [f for f in beam[:BEAM] if selection.score(f) <= selection.score(selection.best) + selection.score.slack]
         if not beam:
-            if frozenset(selection.best.effects) == swapped or swaps == most_swaps or _hopeless(selection, shooting, 1):
+            if (
+                frozenset(selection.best.effects) == swapped
+                or swaps == depth.swaps
+                or _hopeless(selection, shooting, 1)
+            ):
                 break
             swaps += 1
             swapped = frozenset(selection.best.effects)

@@ -10,7 +10,7 @@ import mujoco
 import numpy as np
 from scipy.signal import lfilter
 
-from torch_activegp.physics.effect import Array, Effect, Parameter, Place, element
+from torch_activegp.physics.effect import Acting, Array, Effect, Parameter, Place, element
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
@@ -145,9 +145,8 @@ class ActuatorDeadZone(ActuatorEffect):
         """Makes the effect for an actuator."""
         top = place.control
         parameter = Parameter("width", "1", 0.03 * top, low=0.0, high=0.9 * top)
-        return cls.make(
-            place, model, parameter, [share * top for share in (0.003, 0.008, 0.02, 0.05, 0.1, 0.2, 0.35, 0.5)]
-        )
+        shares = (0.003, 0.008, 0.02, 0.05, 0.1, 0.2, 0.35, 0.5)
+        return cls.make(place, model, parameter, [share * top for share in shares])
 
     def control(self, control: Array, dt: Array, values: Array) -> Array:
         """Takes the dead band out."""
@@ -169,14 +168,18 @@ class ActuatorSaturation(ActuatorEffect):
         """Makes the effect for an actuator."""
         top = place.control
         parameter = Parameter("limit", "1", 0.03 * top, low=0.02 * top, high=top)
-        shares = (0.97, 0.9, 0.8, 0.7, 0.6, 0.5, 0.4, 0.3, 0.2)
-        return cls.make(place, model, parameter, [share * top for share in shares])
+        return cls.make(place, model, parameter, [top * x for x in (0.97, 0.9, 0.8, 0.7, 0.6, 0.5, 0.4, 0.3, 0.2)])
 
     def control(self, control: Array, dt: Array, values: Array) -> Array:
         """Clips the control."""
         limit = _wide(values[:, 0])
         control[..., self.index] = np.clip(control[..., self.index], -limit, limit)
         return control
+
+    def acts(self, values: Array) -> Acting | None:
+        """Past the limit on either side."""
+        within = ((float(values[0]), np.inf), (-np.inf, -float(values[0])))
+        return Acting(self.drives.partition(":")[2], f"ctrl.{self.item}", within) if self.drives else None
 
     def write(self, spec: mujoco.MjSpec, values: Array) -> bool:
         """Writes ``forcerange`` where the control alone makes the force, else ``ctrlrange``."""
@@ -287,12 +290,7 @@ class ActuatorDelay(ActuatorEffect):
         return True
 
 
-ACTUATION: tuple[type[ActuatorEffect], ...] = (
-    ActuatorGain,
-    ActuatorBias,
-    ActuatorDelay,
-    ActuatorLag,
-    ActuatorSaturation,
-    ActuatorDeadZone,
-)
+_DIRECT = (ActuatorGain, ActuatorBias)
+_SHAPING = (ActuatorDelay, ActuatorLag, ActuatorSaturation, ActuatorDeadZone)
+ACTUATION: tuple[type[ActuatorEffect], ...] = (*_DIRECT, *_SHAPING)
 """The family, in the order in which a modeller would try them."""

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 from collections.abc import Callable, Sequence
-from typing import Any, ClassVar, Self
+from typing import Any, ClassVar, NamedTuple, Self
 
 import mujoco
 import numpy as np
@@ -54,6 +54,20 @@ class Step:
     dt: Array
 
 
+class Acting(NamedTuple):
+    """Where alone an effect shows.
+
+    Args:
+        joint: which joint it moves.
+        over: canonical name of the variable, for example ``qvel.elbow``.
+        within: intervals of it, from and to.
+    """
+
+    joint: str
+    over: str
+    within: tuple[tuple[float, float], ...]
+
+
 @dataclasses.dataclass(frozen=True, eq=False)
 class Effect:
     """A law on one target. Subclasses say how it acts by overriding one of the hooks, each of which does nothing here.
@@ -101,6 +115,11 @@ class Effect:
         raise NotImplementedError
 
     @property
+    def item(self) -> str:
+        """The model's own name of the target."""
+        return self.target.partition(":")[2]
+
+    @property
     def key(self) -> tuple[str, str]:
         """Name and target."""
         return self.name, self.target
@@ -135,12 +154,8 @@ class Effect:
         """Whether a machine can have the effect with these values; bounds of single parameters are checked before."""
         return True
 
-    def acts(self, values: Array) -> tuple[str, float, float] | None:
-        """Where alone the effect shows, for one that does so only somewhere.
-
-        Returns:
-            ``qpos`` or ``qvel``, of the target, from and to; None for an effect that acts everywhere.
-        """
+    def acts(self, values: Array) -> Acting | None:
+        """Where alone the effect shows, for one that does so only somewhere; None for one that acts everywhere."""
         return None
 
     def starts_beside(self, values: Array) -> list[Array]:

@@ -9,7 +9,7 @@ import mujoco
 import numpy as np
 
 from torch_activegp.physics.drag import AsymmetricFriction, QuadraticDrag, ViscousFriction
-from torch_activegp.physics.effect import Array, Effect, Index, Parameter, Place, Step
+from torch_activegp.physics.effect import Acting, Array, Effect, Index, Parameter, Place, Step
 from torch_activegp.physics.joint import JointEffect
 
 _SMALL = 0.05
@@ -17,8 +17,6 @@ SHARP = 2.0
 """Time constant of MuJoCo's friction constraint in time steps: its default of 20 ms lets a stuck joint creep."""
 IMPEDANCE = (0.99, 0.999)
 _BRISTLES = 0.5
-_NOTHING_ELSE = 0.1
-"""Coulomb friction below so much of the static excess hardly shows beside it."""
 _A_LITTLE = 0.15
 """Share of the first-order friction with which a fit also starts."""
 _STEEPEST = 4.0
@@ -117,12 +115,10 @@ class StribeckFriction(DryFriction):
         """Whether there is friction at speed too: nothing sticks many times harder than it slides."""
         return bool(values[1] <= _STEEPEST * (self.nominal_loss + values[0]))
 
-    def acts(self, values: Array) -> tuple[str, float, float] | None:
-        """Where the static excess has not fallen to a tenth, where little else is missing."""
-        if values[0] > _NOTHING_ELSE * values[1]:
-            return None
+    def acts(self, values: Array) -> Acting:
+        """Where the static excess has not fallen to a tenth: there it is no Coulomb friction."""
         width = float(values[2]) * np.sqrt(np.log(10.0))
-        return "qvel", -width, width
+        return Acting(self.item, f"qvel.{self.item}", ((-width, width),))
 
     def edit(self, field: Callable[[str], Array], rows: Index, values: Array) -> bool:
         """Makes the friction stick firmly."""

@@ -1,21 +1,19 @@
-"""Springs, constant forces, soft stops and cogging: forces that depend on a joint's position."""
+"""Springs, constant forces and cogging: forces that depend on a joint's position."""
 
 from __future__ import annotations
 
 import dataclasses
 from collections.abc import Callable, Sequence
-from typing import Any, ClassVar, Self
+from typing import Any, Self
 
 import mujoco
 import numpy as np
 
 from torch_activegp.physics.effect import Array, Effect, Index, Parameter, Place
 from torch_activegp.physics.joint import JointEffect
+from torch_activegp.physics.stops import JointStop, LowerJointStop
 
 _SMALL = 0.05
-_STOP_PLACES = 9
-_IMPEDANCE = 1e-4
-_FAR = 1e4
 _PERIODS = (1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 12, 14, 16, 18, 20, 24, 28, 30, 32, 36, 40, 42, 48, 56, 60, 64, 72, 84, 96)
 
 
@@ -189,88 +187,6 @@ def _write_spring(effect: JointEffect, spec: mujoco.MjSpec, stiffness: float, pr
     rest = (joint.stiffness[0] * joint.springref / unit + preload) / total
     joint.stiffness[0], joint.springref = total, rest * unit
     return True
-
-
-@dataclasses.dataclass(frozen=True, eq=False)
-class JointStop(JointEffect):
-    """A one-sided spring and damper past a position: max(0, k p + d v) against the penetration p.
-
-    Args:
-        inertia: of the joint in the nominal model, kg m2 or kg.
-    """
-
-    name = "joint_stop"
-    never_negative = frozenset({"stiffness", "damping"})
-    law = "-max(0, k p + d v) past the stop, p the penetration"
-    inertia: float = 1.0
-    side: ClassVar[float] = 1.0
-
-    @classmethod
-    def at(cls, place: Place, model: mujoco.MjModel) -> Self:
-        """Makes the effect for the upper end of the range."""
-        low, high = place.position if cls.side > 0 else (-place.position[1], -place.position[0])
-        width = max(high - low, 1e-9)
-        stiffness = 10 * place.force / width
-        parameters = (
-            Parameter("stiffness", f"{place.force_unit}/{place.position_unit}", stiffness, low=0.0),
-            Parameter(
-                "damping", f"{place.force_unit} s/{place.position_unit}", 0.2 * place.force / place.speed, low=0.0
-            ),
-            Parameter("position", place.position_unit, 0.01 * width, low=low, high=high),
-        )
-        places = high - width * np.geomspace(0.01, 0.45, _STOP_PLACES)
-        seeds = [[stiffness, 0.1 * place.force / place.speed, position] for position in places]
-        inertia = 1.0 / max(float(model.dof_invweight0[place.index]), 1e-12)
-        return cls.make(
-            place, parameters, seeds, linear=2, variant="upper" if cls.side > 0 else "lower", inertia=inertia
-        )
-
-    def starts_beside(self, values: Array) -> list[Array]:
-        """The same stiffness with half the critical damping, and all of it: a hard stop takes the bounce away."""
-        half = np.sqrt(np.maximum(values[0], 0.0) * self.inertia)
-        return [np.array([values[0], damping, values[2]]) for damping in (half, 2.0 * half)]
-
-    def force(self, position: Array, velocity: Array, values: Sequence[Array] | Array) -> Array:
-        """The law; see :meth:`JointEffect.force`."""
-        depth = self.side * position - values[2]
-        push = values[0] * depth + values[1] * self.side * velocity
-        return np.where(depth > 0, -self.side * np.maximum(push, 0.0), 0.0)
-
-    def write(self, spec: mujoco.MjSpec, values: Array) -> bool:
-        """Writes ``joint range`` with ``solreflimit`` and ``solimplimit``, where the joint has no limits yet.
-
-        At the least impedance d, MuJoCo's constraint is a spring and a damper of its ``solref`` over the joint's
-        inertia as the solver sees it.
-        """
-        joint = self.joint(spec)
-        free = joint.limited == mujoco.mjtLimited.mjLIMITED_FALSE or joint.range[0] >= joint.range[1]
-        softness = float(spec.copy().compile().dof_invweight0[self.dof]) * (1.0 - _IMPEDANCE)
-        wanted = -softness * np.maximum(values[:2], 1e-12)
-        if not free and not np.allclose(joint.solref_limit, wanted, rtol=1e-3):
-            return False
-        far = self.angle(spec, _FAR)
-        low, high = (-far, far) if free else joint.range
-        stop = self.angle(spec, float(self.side * values[2]))
-        joint.range = np.array([low, min(stop, high)] if self.side > 0 else [max(stop, low), high])
-        joint.limited = mujoco.mjtLimited.mjLIMITED_TRUE
-        joint.solref_limit = wanted
-        joint.solimp_limit = np.array([_IMPEDANCE, _IMPEDANCE, *joint.solimp_limit[2:]])
-        return True
-
-    def acts(self, values: Array) -> tuple[str, float, float]:
-        """Past the stop."""
-        stop = float(self.side * values[2])
-        return ("qpos", stop, np.inf) if self.side > 0 else ("qpos", -np.inf, stop)
-
-    def describe(self, values: Array) -> dict[str, float]:
-        """Position, stiffness and damping."""
-        return {"position": float(self.side * values[2]), "stiffness": float(values[0]), "damping": float(values[1])}
-
-
-class LowerJointStop(JointStop):
-    """The same at the lower end of the range."""
-
-    side: ClassVar[float] = -1.0
 
 
 class Cogging(JointEffect):

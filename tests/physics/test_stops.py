@@ -1,0 +1,42 @@
+from __future__ import annotations
+
+from typing import Any
+
+import mujoco
+import numpy as np
+import pytest
+
+from torch_activegp.physics.stops import JointStop, LowerJointStop
+
+
+@pytest.mark.parametrize(("kind", "side"), [(JointStop, 1.0), (LowerJointStop, -1.0)])
+def test_a_stop_pushes_back_past_its_position_and_never_pulls(bench: Any, kind: Any, side: float) -> None:
+    effect, values = kind.at(bench.shoulder, bench.model), [60.0, 0.5, 0.1]
+    position = np.linspace(-1.5, 1.5, 301)
+    force = effect.force(position, 0.0 * position, values)
+    assert (side * force <= 0.0).all()
+    assert side * force.sum() < 0.0
+    assert (force[side * position <= values[2]] == 0.0).all()
+    assert (effect.force(position, 0.0 * position - side * 1e3, values) == 0.0).all()  # leaving
+
+
+@pytest.mark.parametrize(("kind", "within"), [(JointStop, (0.1, np.inf)), (LowerJointStop, (-np.inf, -0.1))])
+def test_it_acts_past_its_position_alone(bench: Any, kind: Any, within: Any) -> None:
+    acting = kind.at(bench.shoulder, bench.model).acts(np.array([60.0, 0.5, 0.1]))
+    assert acting == ("shoulder", "qpos.shoulder", (within,))
+
+
+def test_two_stops_fit_in_one_file_if_they_are_alike(bench: Any) -> None:
+    upper, lower = JointStop.at(bench.shoulder, bench.model), LowerJointStop.at(bench.shoulder, bench.model)
+    spec = bench.spec
+    assert upper.write(spec, np.array([60.0, 0.5, 0.4]))
+    assert not lower.write(spec.copy(), np.array([30.0, 0.5, 0.2]))
+    assert lower.write(spec, np.array([60.0, 0.5, 0.2]))
+    np.testing.assert_allclose(spec.compile().jnt_range[0], [-0.2, 0.4])
+    limited = mujoco.MjSpec.from_string(bench.xml.replace('damping="0.05"', 'damping="0.05" range="-2 2"'))
+    assert not upper.write(limited, np.array([60.0, 0.5, 0.4]))
+
+
+def test_a_stop_is_described_by_where_it_is_on_the_joint(bench: Any) -> None:
+    stop = LowerJointStop.at(bench.shoulder, bench.model).describe(np.array([60.0, 0.5, 0.2]))
+    assert stop == {"position": -0.2, "stiffness": 60.0, "damping": 0.5}
