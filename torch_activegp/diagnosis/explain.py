@@ -36,8 +36,10 @@ _TOO_FAR = 400.0
 _GROWTH = 6.0
 _SETTLED = 0.5
 _RIVAL = 20.0
-_SHORT = 0.015
+_SHORT = 0.04
 """Part of its chi2 by which a fit of a law with kinks may end short of its optimum."""
+_OF_THE_GAIN = 0.05
+"""And part of what the best set explains: where little is missing, fits do not end that short."""
 _ALIKE = 1e-3
 _NEAR = 6
 _POLISHES = 4
@@ -208,8 +210,9 @@ def _polish(shooting: Shooting, selection: Selection) -> None:
         if gained > _SETTLED:
             selection.fits = [again if fit is best else fit for fit in selection.fits]
             best = again
-        short = max(2.0 * max(gained, 0.0), 0.0 if number else _SHORT * best.chi2) / selection.score.scale
-        reach = selection.score(best) + _RIVAL + short
+        stuck = min(_SHORT * best.chi2, _OF_THE_GAIN * (selection.nominal.chi2 - best.chi2))
+        short = max(2.0 * gained, 0.0 if number else stuck, 0.0)
+        reach = selection.score(best) + _RIVAL + short / selection.score.scale
         near = [fit for fit in selection.ranked()[:_NEAR] if fit is not best and selection.score(fit) < reach]
         if near:
             sets = [some for fit in near for some in _starts_of(fit, best)]
