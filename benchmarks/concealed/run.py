@@ -38,7 +38,7 @@ class Way:
 def way_of(name: str) -> Way:
     """The diagnosis, or a peer by its name."""
     if name == "diagnosis":
-        return Way(name, diagnose_case, preload=("torch_activegp.cli", "torch_activegp.diagnosis"))
+        return Way(name, diagnose_case, preload=("torch_activegp.cli.diagnose", "torch_activegp.diagnosis"))
     return Way(name, partial(peer_case, name), preload=("benchmarks.concealed.peers.recorded",))
 
 

@@ -114,3 +114,39 @@ def test_the_real_program_ends_with_code_2_and_one_message(folder: Path) -> None
     assert "Error: `machines:fails` raised KeyError: 'the key to the lab'" in done.stderr
     assert "Traceback" not in done.stderr + done.stdout
     assert not (folder / "runs").exists()
+
+
+def test_an_unknown_command_is_compared_with_all(run: Callable[..., Result]) -> None:
+    result = run("figure")
+    assert result.exit_code == 2
+    assert "No such command 'figure'. Did you mean 'figures'?" in result.stderr
+
+
+def test_the_commands_are_listed_in_one_order_whichever_was_called_before(run: Callable[..., Result]) -> None:
+    run("learn", "--help")
+    text = run("--help").output.split("Commands")[1]
+    names = ("diagnose ", "demo ", "diagnose-all ", "evaluate ", "explore ", "figures ", "learn ")
+    places = [text.index(f"│ {name}") for name in names]
+    assert places == sorted(places)
+
+
+def test_a_diagnosis_imports_nothing_that_only_other_commands_need(folder: Path) -> None:
+    program = """
+import sys
+from typer.testing import CliRunner
+from torch_activegp.cli import app
+
+for command in ("diagnose", "demo", "diagnose-all", "evaluate"):
+    assert CliRunner().invoke(app, [command, "--help"]).exit_code == 0, command
+    assert "torch_activegp.cli." + command.replace("-", "_") in sys.modules
+from torch_activegp.diagnosis import diagnose
+
+unwanted = {"torchrl", "ray", "matplotlib"}
+unwanted |= {f"torch_activegp.{name}" for name in ("collectors", "envs", "loops", "planners")}
+print(*sorted(unwanted & set(sys.modules)))
+"""
+    environment = {**os.environ, "PYTHONPATH": str(Path(torch_activegp.__file__).parents[1])}
+    done = subprocess.run(
+        [sys.executable, "-c", program], cwd=folder, env=environment, capture_output=True, text=True, check=False
+    )
+    assert (done.returncode, done.stdout, done.stderr) == (0, "\n", "")

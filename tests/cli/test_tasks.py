@@ -8,10 +8,9 @@ from pathlib import Path
 import pytest
 import torch
 
-from torch_activegp.cli.tasks import check_methods, find_model, load_task
+from torch_activegp.cli.tasks import check_methods, load_task
 from torch_activegp.errors import ConfigurationError, SimulationError
 from torch_activegp.experiments import FITTED, PRINTED, TASKS
-from torch_activegp.simulators import MujocoSimulator
 
 
 @pytest.mark.parametrize("name", TASKS)
@@ -81,26 +80,3 @@ def test_methods_are_known_and_named_once() -> None:
     for names in ([], ["sigma", "sigma"]):
         with pytest.raises(ConfigurationError, match="Wanted each method once, of .*; found (none|sigma, sigma)"):
             check_methods(names)
-
-
-def test_a_model_is_a_file_a_known_name_or_a_factory(folder: Path) -> None:
-    assert find_model("rod.xml") == Path("rod.xml")
-    assert {find_model(name).name for name in ("emps", "balls")} == {"emps.xml", "balls.xml"}
-    (folder / "rods.py").write_text(
-        "from torch_activegp.simulators import MujocoSimulator\ndef rod(): return MujocoSimulator('rod.xml')\n"
-    )
-    assert isinstance(find_model("rods:rod"), MujocoSimulator)
-
-
-@pytest.mark.parametrize(
-    ("word", "message"),
-    [
-        ("gone.xml", "Unknown model 'gone.xml'. Wanted an MJCF file (none is there"),
-        ("lass", "Unknown model 'lass': did you mean 'laas'? Wanted"),
-        ("machines.py", "MuJoCo cannot compile `machines.py`"),
-        ("machines:number", "Simulator from `machines:number`, found a int"),
-    ],
-)
-def test_what_is_no_model_says_what_to_do(folder: Path, word: str, message: str) -> None:
-    with pytest.raises(ConfigurationError, match=re.escape(message)):
-        find_model(word)

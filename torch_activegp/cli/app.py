@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from contextlib import contextmanager
+from importlib import import_module
 from importlib.metadata import version
 from pathlib import Path
 from typing import Annotated, Any
@@ -11,6 +12,7 @@ from typing import Annotated, Any
 import typer
 from rich.console import Console
 from typer.core import TyperGroup
+from typer.main import get_group
 
 from torch_activegp.errors import ActiveGPError
 
@@ -23,8 +25,35 @@ results = Console()
 """For what the user asked for; can be piped into a file."""
 
 
+_MODULES = {
+    "diagnose": "diagnose",
+    "demo": "demo",
+    "diagnose-all": "diagnose_all",
+    "evaluate": "evaluate",
+    "explore": "explore",
+    "figures": "figures",
+    "learn": "learn",
+}
+"""Commands, in the order of the help, and the modules of this package that hold them."""
+
+
 class _Group(TyperGroup):
-    """Commands whose errors end with one message and an exit code, however they are called."""
+    """Commands whose errors end with one message and an exit code, however they are called.
+
+    The module of a command is imported when that command is called, so no command waits for what others need.
+    """
+
+    def list_commands(self, ctx: Any) -> list[str]:
+        """The names of all commands."""
+        return list(_MODULES)
+
+    def get_command(self, ctx: Any, cmd_name: str) -> Any:
+        """Import a command; all of them for an unknown name, so that the message can suggest one."""
+        if cmd_name not in self.commands:
+            for module in [_MODULES[cmd_name]] if cmd_name in _MODULES else _MODULES.values():
+                import_module(f"{__package__}.{module}")
+            self.commands.update(get_group(app).commands)
+        return super().get_command(ctx, cmd_name)
 
     def invoke(self, ctx: Any) -> Any:
         """Run a command."""

@@ -13,9 +13,9 @@ from rich.table import Table
 
 from torch_activegp.cli.app import INTERRUPTED, app, console, results
 from torch_activegp.cli.folders import check_free, next_free, results_in
+from torch_activegp.cli.models import find_model
 from torch_activegp.cli.options import RECORDINGS, Columns, Holdout, Model, Seed, Threads, output_folder
 from torch_activegp.cli.progress import StageProgress, show_time
-from torch_activegp.cli.tasks import find_model
 from torch_activegp.experiments.output import write_json
 from torch_activegp.experiments.recorded import load_apart
 from torch_activegp.experiments.workers import one_thread

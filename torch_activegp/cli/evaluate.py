@@ -12,8 +12,8 @@ from rich.table import Table
 
 from torch_activegp.cli.app import app, console, results
 from torch_activegp.cli.folders import check_free, results_in
+from torch_activegp.cli.models import find_model
 from torch_activegp.cli.options import RECORDINGS, Columns, Model
-from torch_activegp.cli.tasks import find_model
 from torch_activegp.experiments.output import write_json
 from torch_activegp.experiments.recorded import load_named
 from torch_activegp.experiments.workers import one_thread

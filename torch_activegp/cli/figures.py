@@ -13,19 +13,18 @@ import typer
 from rich.table import Table
 
 from torch_activegp.cli.app import app, console, interruptible, results
-from torch_activegp.cli.options import (
+from torch_activegp.cli.exploring import (
     BoundsOption,
     Episodes,
     Horizon,
     Out,
     Prior,
     Resume,
-    Seed,
     Steps,
     System,
-    output_folder,
     parse_bounds,
 )
+from torch_activegp.cli.options import Seed, output_folder
 from torch_activegp.cli.progress import EpisodeProgress, show_time
 from torch_activegp.cli.tasks import check_methods, load_task
 from torch_activegp.experiments import (

@@ -2,52 +2,15 @@
 
 from __future__ import annotations
 
-import math
 from pathlib import Path
 from typing import Annotated
 
 import typer
 
 from torch_activegp.data.known_sets import KNOWN_MODELS
-from torch_activegp.errors import ConfigurationError
-from torch_activegp.experiments import TASKS
 
-Bounds = dict[str, tuple[float, float]]
-
-System = Annotated[
-    str,
-    typer.Argument(
-        help=f"The true system: {', '.join(TASKS)}; or your own: an MJCF file, or package.module:factory, a function "
-        "that returns a Simulator (or a whole Task). The working folder is searched first."
-    ),
-]
-Prior = Annotated[
-    str | None,
-    typer.Option(
-        help="The imperfect simulator: an MJCF file or package.module:factory. Needed for a system of your own.",
-        metavar="MODEL",
-    ),
-]
-BoundsOption = Annotated[
-    list[str] | None,
-    typer.Option(
-        "--bounds",
-        help="Where to explore, for states or actions without bounds of their own; may be repeated. "
-        "qvel=-5:5 stands for all qvel.*",
-        metavar="NAME=LOW:HIGH",
-    ),
-]
-Episodes = Annotated[int, typer.Option(min=1, help="Episodes of each run.")]
-Steps = Annotated[int, typer.Option(min=1, help="Steps of each episode (N in the paper).")]
-Horizon = Annotated[int, typer.Option(min=1, help="Actions that are planned ahead.")]
 Seed = Annotated[int, typer.Option(min=0, help="Of every random draw: the same seed gives the same result.")]
 Threads = Annotated[int, typer.Option(min=0, help="Threads of the simulator; 0: one for each core.")]
-Out = Annotated[
-    Path | None,
-    typer.Option(
-        help="Output folder: new or empty, unless --resume. By default runs/COMMAND-SYSTEM.", metavar="FOLDER"
-    ),
-]
 Model = Annotated[
     str,
     typer.Argument(
@@ -74,29 +37,6 @@ RECORDINGS = (
     "multiarm:train, laas:acc_current, balls:golf_ball_1."
 )
 """What a recording on the command line may be."""
-Resume = Annotated[
-    bool, typer.Option("--resume", help="Go on with the run in the output folder, e.g. with more --episodes.")
-]
-
-
-def parse_bounds(words: list[str] | None) -> Bounds:
-    """Read ``NAME=LOW:HIGH`` words.
-
-    Raises:
-        ConfigurationError: a word has another form, or low is not below high.
-    """
-    bounds: Bounds = {}
-    for word in words or ():
-        name, _, limits = word.partition("=")
-        low, _, high = limits.partition(":")
-        try:
-            limit = (float(low), float(high))
-        except ValueError as error:
-            raise ConfigurationError(f"--bounds: wanted NAME=LOW:HIGH, e.g. qvel=-5:5, found {word!r}.") from error
-        if not (name.strip() and all(map(math.isfinite, limit)) and limit[0] < limit[1]):
-            raise ConfigurationError(f"--bounds: wanted NAME=LOW:HIGH, finite and LOW < HIGH, found {word!r}.")
-        bounds[name.strip()] = limit
-    return bounds
 
 
 def output_folder(out: Path | None, command: str, system: str) -> Path:

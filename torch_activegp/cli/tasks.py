@@ -1,17 +1,14 @@
-"""From words on the command line to a task or a simulator."""
+"""From words on the command line to a task and methods."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping
-from difflib import get_close_matches
-from pathlib import Path
 
-from torch_activegp.data.known_sets import KNOWN_MODELS, known_model
+from torch_activegp.cli.models import guess
 from torch_activegp.errors import ConfigurationError
 from torch_activegp.experiments import FITTED, METHODS, TASKS, Task, UserSimulator, set_bounds
 from torch_activegp.simulators import Simulator, load_simulator
 from torch_activegp.simulators.load import is_factory, load_factory
-from torch_activegp.simulators.mujoco_model import load_model
 
 
 def load_task(system: str, prior: str | None = None, bounds: Mapping[str, tuple[float, float]] | None = None) -> Task:
@@ -46,30 +43,6 @@ def load_task(system: str, prior: str | None = None, bounds: Mapping[str, tuple[
     return Task(system, UserSimulator(made, system), UserSimulator(simulator, prior, finite=False), FITTED)
 
 
-def find_model(word: str) -> Path | Simulator:
-    """The simulator that a user wants diagnosed.
-
-    Args:
-        word: an MJCF file, ``package.module:factory``, or the name of a public data set, for its nominal model.
-
-    Returns:
-        The path of a file that compiles, or the factory's simulator.
-
-    Raises:
-        ConfigurationError: there is no such model, or it cannot be made.
-    """
-    if is_factory(word):
-        return load_simulator(word)
-    path = Path(known_model(word) if word in KNOWN_MODELS else word)
-    if not path.is_file():
-        raise ConfigurationError(
-            f"Unknown model {word!r}{_guess(word, KNOWN_MODELS)} Wanted an MJCF file (none is there; working folder: "
-            f"{Path.cwd()}), package.module:factory, or one of {', '.join(KNOWN_MODELS)}."
-        )
-    load_model(path)
-    return path
-
-
 def check_methods(names: list[str]) -> list[str]:
     """Check that methods are known, and named once.
 
@@ -78,7 +51,7 @@ def check_methods(names: list[str]) -> list[str]:
     """
     for name in names:
         if name not in METHODS:
-            raise ConfigurationError(f"Unknown method {name!r}{_guess(name, METHODS)} Choose of {', '.join(METHODS)}.")
+            raise ConfigurationError(f"Unknown method {name!r}{guess(name, METHODS)} Choose of {', '.join(METHODS)}.")
     if not names or len(set(names)) < len(names):
         raise ConfigurationError(
             f"Wanted each method once, of {', '.join(METHODS)}; found {', '.join(names) or 'none'}."
@@ -101,11 +74,6 @@ def _load_file(system: str) -> Simulator:
         if "which is neither" not in str(error):
             raise
         raise ConfigurationError(
-            f"Unknown system {system!r}{_guess(system, TASKS)} Choose of {', '.join(TASKS)}, or give an MJCF file "
+            f"Unknown system {system!r}{guess(system, TASKS)} Choose of {', '.join(TASKS)}, or give an MJCF file "
             "(.xml) or package.module:factory."
         ) from error
-
-
-def _guess(word: str, known: Mapping[str, object]) -> str:
-    close = get_close_matches(word, known, n=1)
-    return f": did you mean {close[0]!r}?" if close else "."

@@ -1,0 +1,48 @@
+"""From a word on the command line to a simulator."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from difflib import get_close_matches
+from pathlib import Path
+
+from torch_activegp.data.known_sets import KNOWN_MODELS, known_model
+from torch_activegp.errors import ConfigurationError
+from torch_activegp.simulators import Simulator, load_simulator
+from torch_activegp.simulators.load import is_factory
+from torch_activegp.simulators.mujoco_model import load_model
+
+
+def find_model(word: str) -> Path | Simulator:
+    """The simulator that a user wants diagnosed.
+
+    Args:
+        word: an MJCF file, ``package.module:factory``, or the name of a public data set, for its nominal model.
+
+    Returns:
+        The path of a file that compiles, or the factory's simulator.
+
+    Raises:
+        ConfigurationError: there is no such model, or it cannot be made.
+    """
+    if is_factory(word):
+        return load_simulator(word)
+    path = Path(known_model(word) if word in KNOWN_MODELS else word)
+    if not path.is_file():
+        raise ConfigurationError(
+            f"Unknown model {word!r}{guess(word, KNOWN_MODELS)} Wanted an MJCF file (none is there; working folder: "
+            f"{Path.cwd()}), package.module:factory, or one of {', '.join(KNOWN_MODELS)}."
+        )
+    load_model(path)
+    return path
+
+
+def guess(word: str, known: Iterable[str]) -> str:
+    """The end of a message about an unknown word: the known word that is near, if there is one, and a full stop.
+
+    Example:
+        >>> guess("lass", ["emps", "laas"])
+        ": did you mean 'laas'?"
+    """
+    close = get_close_matches(word, known, n=1)
+    return f": did you mean {close[0]!r}?" if close else "."
