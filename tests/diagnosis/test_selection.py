@@ -6,6 +6,7 @@ import pytest
 
 from torch_activegp.data import Recording
 from torch_activegp.diagnosis.compared import Selection
+from torch_activegp.diagnosis.fit import Fit
 from torch_activegp.diagnosis.machine import make_machine
 from torch_activegp.diagnosis.noise_model import NoiseModel
 from torch_activegp.diagnosis.segments import cut
@@ -14,6 +15,7 @@ from torch_activegp.diagnosis.shooting import Shooting
 
 NAMES = ("viscous_friction", "coulomb_friction", "quadratic_drag", "constant_force", "armature_error")
 FINE = 1e-4
+_ROD = 'pos="0 0 -0.5" mass="1" diaginertia="0.08 0.08 0.001"'
 
 
 @pytest.fixture(scope="module")
@@ -48,10 +50,9 @@ def test_a_useless_set_to_begin_from_is_left_behind(bench) -> None:
     assert frozenset({load.key}) in {fit.keys for fit in chosen.fits}
 
 
-def _softly_rubbed(bench, level: float, steps: int = 20, rows: int = 201) -> Recording:
-    """A slow run at 100 Hz that MuJoCo integrates in steps of 0.5 ms, with its default softness of dry friction."""
-    xml = bench.xml.replace('name="hip"', f'name="hip" frictionloss="{level}"').replace('"0.005"', '"0.0005"')
-    model = mujoco.MjModel.from_xml_string(xml)
+def _recorded(xml: str, steps: int = 20, rows: int = 201) -> Recording:
+    """A slow run at 100 Hz that MuJoCo integrates in steps of 0.5 ms."""
+    model = mujoco.MjModel.from_xml_string(xml.replace('"0.005"', '"0.0005"'))
     data = mujoco.MjData(model)
     time = np.arange(rows) * steps * model.opt.timestep
     control = 0.6 * np.sin(2 * np.pi * 0.5 * time) + 0.3 * np.sin(2 * np.pi * 1.1 * time)
@@ -61,14 +62,19 @@ def _softly_rubbed(bench, level: float, steps: int = 20, rows: int = 201) -> Rec
         data.ctrl[0] = u
         mujoco.mj_step(model, data, steps)
     noise = FINE * np.random.default_rng(5).normal(size=rows)
-    return Recording.from_columns("soft", {"time": time, "qpos.hip": np.array(angles) + noise, "ctrl.drive": control})
+    return Recording.from_columns("slow", {"time": time, "qpos.hip": np.array(angles) + noise, "ctrl.drive": control})
+
+
+def _nominal(bench, recording: Recording) -> tuple[Shooting, Fit]:
+    """The likelihood of a recording without much noise, and the nominal's fit."""
+    machine = make_machine(mujoco.MjModel.from_xml_string(bench.xml), [recording], [])
+    segments = cut(machine.fit, 0.5, 0.1)
+    shooting = Shooting(bench.engine, segments, NoiseModel.white(np.array([FINE])))
+    return shooting, shooting.fit([((), ())], bench.engine.starts(segments))[0]
 
 
 def test_friction_that_another_simulator_softens_is_fitted_in_its_own_form(bench) -> None:
-    machine = make_machine(mujoco.MjModel.from_xml_string(bench.xml), [_softly_rubbed(bench, 0.3)], [])
-    segments = cut(machine.fit, 0.5, 0.1)
-    shooting = Shooting(bench.engine, segments, NoiseModel.white(np.array([FINE])))
-    nominal = shooting.fit([((), ())], bench.engine.starts(segments))[0]
+    shooting, nominal = _nominal(bench, _recorded(bench.xml.replace('name="hip"', 'name="hip" frictionloss="0.3"')))
     dry = [effect for effect in bench.effects if effect.key == ("coulomb_friction", "joint:hip")]
     chosen = select(shooting, [*dry, bench.effect("viscous_friction")], nominal)
     assert chosen.best.keys == {dry[0].key}
@@ -78,3 +84,15 @@ def test_friction_that_another_simulator_softens_is_fitted_in_its_own_form(bench
         fit for fit in chosen.fits if [effect.variant for effect in fit.effects] == [""] and fit.keys == {dry[0].key}
     ]
     assert min(fit.chi2 for fit in firm) > chosen.best.chi2 + 50
+
+
+def test_a_mass_anywhere_along_its_body_is_one_name_where_two_others_would_do(bench) -> None:
+    """Moment, centre and weight change by two numbers: a mass and a place, or any two of the three names."""
+    place = 'pos="0 0 -0.5384615" mass="1.3" diaginertia="0.0864103 0.0864103 0.001"'  # 0.3 kg at 2/3 of the rod
+    shooting, nominal = _nominal(bench, _recorded(bench.xml.replace(_ROD, place)))
+    names = ("payload_mass", "center_of_mass_offset", "gravity_error", "linear_spring", "actuator_gain")
+    effects = [effect for effect in bench.effects if effect.name in names]
+    two = [next(e for e in effects if e.name == name) for name in names[1:3]]
+    begun = [(two, [np.array([-0.01]), np.array([-1.0])])]
+    for sets in ((), begun):
+        assert select(shooting, effects, nominal, sets).best.keys == {("payload_mass", "body:rod")}
