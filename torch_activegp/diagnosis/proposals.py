@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 
 import numpy as np
 
@@ -125,18 +125,25 @@ def richer(fit: Fit, effects: Sequence[Effect]) -> list[Set]:
     return out
 
 
-def simpler(best: Fit, effects: Sequence[Effect], known: Mapping[frozenset[Effect], float], close: float) -> list[Set]:
-    """A set without each of its effects, with a simpler law in place of one that contains it, or in another form.
+def simpler(
+    best: Fit,
+    effects: Sequence[Effect],
+    known: Mapping[frozenset[Effect], float],
+    close: float,
+    free: Collection[tuple[str, str]] = (),
+) -> list[Set]:
+    """A set without each of its names, with a simpler law in place of one that contains it, or in another form.
 
     Args:
         best: the set.
         effects: what is tried.
         known: chi2 of the sets that were fitted; they are left out.
         close: but a simpler law whose fit is worse than this may have got stuck elsewhere, and is tried from here.
+        free: (name, target) pairs that are no names; they stay.
     """
     pairs = list(zip(best.effects, best.values, strict=True))
     fewer, plain = _other_forms(pairs, effects), []
-    for effect, value in pairs:
+    for effect, value in ((e, v) for e, v in pairs if e.key not in free):
         others = [(e, v) for e, v in pairs if e is not effect]
         fewer += [_set(others), *_other_forms(others, effects)] if others else []
         for law in effects:

@@ -197,10 +197,11 @@ def _simplify(selection: Selection, shooting: Shooting, effects: Sequence[Effect
     known: dict[frozenset[Effect], float] = {}
     for fit in selection.fits:
         known[frozenset(fit.effects)] = min(fit.chi2, known.get(frozenset(fit.effects), np.inf))
-    sets = simpler(best, effects, known, best.chi2 + CLOSE * selection.score.scale)
-    fewer = without_weak(best, lambda effect: selection.score.scale * selection.score.price([effect]))
+    score = selection.score
+    sets = simpler(best, effects, known, best.chi2 + CLOSE * score.scale, score.free)
+    fewer = without_weak(best, lambda effect: score.scale * score.price([effect]))
     sets += [fewer] if fewer and frozenset(fewer[0]) not in known else []
-    sets = heat(shooting, sets, best, selection.score)
+    sets = heat(shooting, sets, best, score)
     if sets:
         selection.add(shooting.fit(sets, best.starts, rounds=_ROUNDS, design=best.design))
 
