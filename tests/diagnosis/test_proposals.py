@@ -11,6 +11,7 @@ from torch_activegp.diagnosis.proposals import (
     companies,
     diverse,
     join,
+    late_elsewhere,
     richer,
     simpler,
     with_values,
@@ -163,3 +164,17 @@ def test_effects_that_hide_each_other_are_seen_together() -> None:
     assert companies([dry, wet, bias], worth, 4, 1000.0) == []
     poor = {name: gain - 300.0 for name, gain in gains.items()}
     assert companies([dry, wet], lambda company: poor[" ".join(sorted(a.effect.name for a in company))], 4, 20.0) == []
+
+
+@pytest.mark.parametrize(("late", "other"), [("actuator_delay", "sensor_delay"), ("sensor_delay", "actuator_delay")])
+def test_a_late_drive_may_be_a_late_encoder(bench, late, other) -> None:
+    places = {"actuator_delay": "actuator:drive", "sensor_delay": "sensor:hip"}
+    effect, rubbing = bench.effect(late, places[late]), bench.effect("viscous_friction")
+    fit = SimpleNamespace(effects=(rubbing, effect), values=(np.array([0.1]), np.array([0.004])))
+    found = {effects[1].name: (effects, values) for effects, values in late_elsewhere(fit, bench.effects)}
+    effects, values = found[other]
+    assert (effects[0], effects[1].target) == (rubbing, places[other])
+    assert [float(value[0]) for value in values] == [0.1, 0.004]
+    assert late not in found
+    alone = SimpleNamespace(effects=(rubbing,), values=(np.array([0.1]),))
+    assert late_elsewhere(alone, bench.effects) == []

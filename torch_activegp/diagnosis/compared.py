@@ -92,5 +92,11 @@ def without_each(selection: Selection, shooting: Shooting) -> list[tuple[Effect,
     if unknown:
         sets = [(rest, [values[e] for e in rest]) for rest in unknown]
         selection.add(shooting.fit(sets, best.starts, design=best.design))
-    smaller = [(effect, selection.of(rest)) for effect, rest in rests.items()]
-    return [(effect, fit) for effect, fit in smaller if fit is not None]
+    smaller = []
+    for effect, rest in rests.items():
+        fit = selection.of(rest)
+        if fit is None or fit.chi2 > selection.nominal.chi2:
+            (fit,) = selection.add([fitted(shooting, selection, rest)]) or (None,)
+        if fit is not None:
+            smaller.append((effect, fit))
+    return smaller

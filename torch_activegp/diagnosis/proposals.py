@@ -11,7 +11,7 @@ from torch_activegp.diagnosis.elimination import invert, wald
 from torch_activegp.diagnosis.fit import Fit
 from torch_activegp.diagnosis.runs import Array
 from torch_activegp.diagnosis.screening import Atom
-from torch_activegp.physics.actuation import ActuatorBias
+from torch_activegp.physics.actuation import ActuatorBias, ActuatorEffect
 from torch_activegp.physics.effect import Effect
 
 Set = tuple[tuple[Effect, ...], tuple[Array, ...]]
@@ -22,6 +22,7 @@ _BEAM = 6
 _BEST = 2
 _START = 0.15
 TWO_SIDED = "asymmetric_friction"
+_LATE = ({"actuator_delay", "sensor_delay"}, {"actuator_lag", "sensor_delay"})
 
 
 def diverse(atoms: Sequence[Atom], most: int = MOST) -> list[Atom]:
@@ -188,6 +189,23 @@ def _push(effect: Effect, value: Array, target: str) -> float:
     if isinstance(effect, ActuatorBias) and effect.drives == target:
         return float(value[0]) * effect.nominal_gain * effect.gear
     return 0.0
+
+
+def late_elsewhere(best: Fit, effects: Sequence[Effect]) -> list[Set]:
+    """A set with the encoder late by as much as the drive was, or the drive as the encoder: often the same motion."""
+    pairs = list(zip(best.effects, best.values, strict=True))
+    out: list[Set] = []
+    for late, value in pairs:
+        for other in effects:
+            if {late.name, other.name} in _LATE and _drives(late) == _drives(other):
+                others = [(e, v) for e, v in pairs if e is not late and e.key != other.key]
+                out.append(_set([*others, (other, value)]))
+    return out
+
+
+def _drives(effect: Effect) -> str:
+    """The joint that an actuator moves or an encoder reads."""
+    return effect.drives if isinstance(effect, ActuatorEffect) else f"joint:{effect.item}"
 
 
 def _set(pairs: Sequence[tuple[Effect, Array]]) -> Set:

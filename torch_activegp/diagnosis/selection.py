@@ -19,6 +19,7 @@ from torch_activegp.diagnosis.proposals import (
     companies,
     diverse,
     join,
+    late_elsewhere,
     richer,
     simpler,
     with_values,
@@ -219,7 +220,7 @@ def _swap(selection: Selection, shooting: Shooting, effects: Sequence[Effect]) -
         return
     gain = min(fit.chi2 for _, fit in smaller) - best.chi2
     part, which = shooting.subset(min(max(_PLENTY / max(gain, 1.0), PART), 1.0))
-    fresh: dict[frozenset[Effect], Set] = {}
+    fresh = {frozenset(some[0]): some for some in late_elsewhere(best, effects)}
     for effect, fit in smaller:
         screened = screen(part, fit.pick(which), _allowed(effects, fit))
         least = ALIKE * max((a.gain for a in screened.atoms if a.effect.key == effect.key), default=0.0)
