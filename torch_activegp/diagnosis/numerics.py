@@ -32,6 +32,9 @@ _FINEST = 2.0
 _JUDGES = 16
 _PART = 0.25
 """Forms are compared on so many of the segments, or this part of them."""
+_CLEARLY = 0.25
+"""Part of what is left above the noise by which another form than the model's own must fit better: where much is
+missing, one form or the other absorbs some of it by chance."""
 _SETTLED = 0.01
 _SAME = 0.02
 _POSES = 300
@@ -174,8 +177,11 @@ class Numerics:
             working, judged = self._working(engine, first, rough)
             others = working.fit(trials[1:], judged.starts, design=judged.design) if len(trials) > 1 else []
             best = min([judged, *others], key=lambda fit: whole.dof / first.dof * fit.chi2 + _PRICE * fit.size)
+            chi2 = whole.dof / first.dof * best.chi2
             price = _PRICE * best.size + (_FINEST if engine is self.finest else 0.0)
-            results.append((whole.dof / first.dof * best.chi2 + price, engine, working, best))
+            if engine is not self.given:
+                price += _CLEARLY * max(chi2 - whole.dof, 0.0)
+            results.append((chi2 + price, engine, working, best))
         _, engine, working, judged = min(results, key=lambda result: result[0])
         if known is not None and engine is known[0] and judged.effects == near.effects:
             return *known, nominal, near
