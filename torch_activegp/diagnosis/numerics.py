@@ -172,16 +172,12 @@ class Numerics:
                 if np.isfinite(rough.chi2):
                     break
         trials = [*sets[:1], *_without_delays(sets[:1])]
-        results = []
+        results, share = [], first.dof / whole.dof
         for engine in self._forms(trials[0][0] if trials else (), known):
             working, judged = self._working(engine, first, rough)
             others = working.fit(trials[1:], judged.starts, design=judged.design) if len(trials) > 1 else []
-            best = min([judged, *others], key=lambda fit: whole.dof / first.dof * fit.chi2 + _PRICE * fit.size)
-            chi2 = whole.dof / first.dof * best.chi2
-            price = _PRICE * best.size + (_FINEST if engine is self.finest else 0.0)
-            if engine is not self.given:
-                price += _CLEARLY * max(chi2 - whole.dof, 0.0)
-            results.append((chi2 + price, engine, working, best))
+            best = min([judged, *others], key=lambda fit: fit.chi2 / share + _PRICE * fit.size)
+            results.append((self._cost(engine, best, best.chi2 / share, whole.dof), engine, working, best))
         _, engine, working, judged = min(results, key=lambda result: result[0])
         if known is not None and engine is known[0] and judged.effects == near.effects:
             return *known, nominal, near
@@ -193,6 +189,11 @@ class Numerics:
         if not sets:
             return engine, working, judged, judged
         return engine, working, working.fit([((), ())], nominal.starts, design=nominal.design)[0], judged
+
+    def _cost(self, engine: Engine, fit: Fit, chi2: float, dof: int) -> float:
+        """What a fit leaves, with what its parameters and its form must be worth."""
+        price = _PRICE * fit.size + (_FINEST if engine is self.finest else 0.0)
+        return chi2 + price + (0.0 if engine is self.given else _CLEARLY * max(chi2 - dof, 0.0))
 
     def _forms(self, effects: Sequence[Effect], known: Known | None) -> list[Engine]:
         """The precise forms that compete behind a set; the one that was taken before is among them."""
