@@ -32,9 +32,9 @@ _FINEST = 2.0
 _JUDGES = 16
 _PART = 0.25
 """Forms are compared on so many of the segments, or this part of them."""
-_CLEARLY = 0.25
-"""Part of what is left above the noise by which another form than the model's own must fit better: where much is
-missing, one form or the other absorbs some of it by chance."""
+_MUCH, _CLEARLY = 2.0, 0.25
+"""Where more than this times the noise is left, another form than the model's own must fit better by so much of it:
+one form or the other absorbs some of what is missing by chance."""
 _SETTLED = 0.01
 _SAME = 0.02
 _POSES = 300
@@ -193,7 +193,8 @@ class Numerics:
     def _cost(self, engine: Engine, fit: Fit, chi2: float, dof: int) -> float:
         """What a fit leaves, with what its parameters and its form must be worth."""
         price = _PRICE * fit.size + (_FINEST if engine is self.finest else 0.0)
-        return chi2 + price + (0.0 if engine is self.given else _CLEARLY * max(chi2 - dof, 0.0))
+        much = max(chi2 - _MUCH * dof, 0.0)
+        return chi2 + price + (0.0 if engine is self.given else _CLEARLY * much)
 
     def _forms(self, effects: Sequence[Effect], known: Known | None) -> list[Engine]:
         """The precise forms that compete behind a set; the one that was taken before is among them."""
