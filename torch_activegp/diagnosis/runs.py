@@ -14,12 +14,12 @@ from scipy.ndimage import uniform_filter1d
 from torch_activegp.data import Recording, choose_window, noise_std, unwrap_angles
 from torch_activegp.data.local_polynomial import local_motion, local_slope
 from torch_activegp.diagnosis.coupling import coupling
-from torch_activegp.diagnosis.dropped_rows import bridged, filled
 from torch_activegp.errors import DataError
 
 Array = NDArray[np.float64]
 Smoother = Callable[[Array, Array, float], tuple[Array, Array]]
 _SCALAR = (int(mujoco.mjtJoint.mjJNT_HINGE), int(mujoco.mjtJoint.mjJNT_SLIDE))
+_MISSING = 1.5
 _FAITHFUL = 5
 """Degree of the polynomials along which prescribed motion is freed of noise."""
 MIN_ROWS = 12
@@ -127,8 +127,8 @@ def make_run(recording: Recording, model: mujoco.MjModel, channels: Channels) ->
     """Lays a recording over a model.
 
     The motion of prescribed joints is followed more closely than that of the others, which only guides first guesses. A
-    dropped row (a step of more than 1.5 median steps) is filled with rows that count for nothing and whose inputs are
-    bridged.
+    dropped row (a step of more than 1.5 median steps) is filled with rows that hold the control and count for
+    nothing.
 
     Raises:
         DataError: too short, or an external force on a joint that the model does not have.
@@ -172,7 +172,8 @@ def _laid(recording: Recording, model: mujoco.MjModel, channels: Channels, smoot
     slopes, values = zip(
         *(smooth(time, signal, sigma) for signal, sigma in zip(position.T, noise, strict=True)), strict=True
     )
-    index, clock = filled(time)
+    index, clock = _filled(time)
+    held = np.minimum(np.searchsorted(time, clock + 1e-12, side="right") - 1, len(time) - 1)
     return Run(
         label=recording.label,
         time=clock - clock[0],
@@ -180,8 +181,8 @@ def _laid(recording: Recording, model: mujoco.MjModel, channels: Channels, smoot
         recorded=index,
         velocity=_interpolate(clock, time, np.stack(slopes, axis=1)),
         smooth=_interpolate(clock, time, np.stack(values, axis=1)),
-        control=bridged(control, index)[:-1],
-        force=bridged(force, index)[:-1],
+        control=control[held[:-1]],
+        force=force[held[:-1]],
         noise=noise,
     )
 
@@ -261,6 +262,17 @@ def _follow(time: Array, signal: Array, sigma: float) -> tuple[Array, Array]:
     window = choose_window(t, y, sigma) if len(time) >= 15 else 5
     value, slope = local_motion(t, y, max(window, _FAITHFUL + 2), _FAITHFUL)
     return slope.numpy(), value.numpy()
+
+
+def _filled(time: Array) -> tuple[NDArray[np.bool_], Array]:
+    steps = np.diff(time)
+    count = np.maximum(np.rint(steps / np.median(steps)), 1).astype(int)
+    count[steps <= _MISSING * np.median(steps)] = 1
+    clock, recorded = [time[:1]], [True]
+    for start, step, n in zip(time[:-1], steps, count, strict=True):
+        clock.append(start + step * np.arange(1, n + 1) / n)
+        recorded += [False] * (n - 1) + [True]
+    return np.array(recorded), np.concatenate(clock)
 
 
 def _interpolate(clock: Array, time: Array, values: Array) -> Array:
