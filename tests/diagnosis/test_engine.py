@@ -47,6 +47,24 @@ def test_an_edited_model_is_put_back(bench) -> None:
     np.testing.assert_array_equal(bench.predict(NOMINAL), before)
 
 
+def test_an_edited_model_is_put_back_whatever_other_batch_ran_between(bench) -> None:
+    loaded = Candidate((bench.effect("payload_mass", "body:rod"),), (np.array([0.5]),))
+    rubbed = Candidate((bench.effect("stribeck_friction"),), (np.array([0.1, 0.1, 0.2]),))  # acts in every step
+    both = Candidate((*loaded.effects, *rubbed.effects), (*loaded.values, *rubbed.values))
+    few = bench.segments.pick(np.array([0, 1]))
+
+    def run(engine: Engine, candidate: Candidate) -> np.ndarray:
+        count = 20  # simulations of either kind have batches of the same size
+        starts = np.repeat(bench.nominal.starts[None, :2], count, axis=0)
+        return engine.predict(few, starts, [candidate] * count)[0]
+
+    fresh, used = (Engine(mujoco.MjModel.from_xml_string(bench.xml), bench.engine.channels, 2, 1) for _ in range(2))
+    wanted = run(fresh, rubbed)
+    for candidate in (both, NOMINAL):
+        run(used, candidate)
+    np.testing.assert_array_equal(run(used, rubbed), wanted)
+
+
 def test_equal_inputs_give_equal_bits_whatever_ran_before(bench) -> None:
     again = Engine(mujoco.MjModel.from_xml_string(bench.xml), bench.engine.channels, 2, 1)
     fresh = again.predict(bench.segments, bench.nominal.starts[None], [NOMINAL])[0][0]

@@ -72,8 +72,7 @@ class Engine:
         self.nthread = nthread
         self.stride = stride if model.nq == model.nv else 1
         self.late = late
-        self._batches: dict[bool, mujoco.batch.Batch] = {}
-        self._stale: dict[int, NDArray[np.bool_]] = {}  # simulations whose constants follow from edits before
+        self._fields: dict[bool, _Fields] = {}
 
     @property
     def state_size(self) -> int:
@@ -126,10 +125,10 @@ class Engine:
         count, size, intervals, model = len(candidates), segments.size, segments.intervals, self.model
         rows = count * size
         halting = any(effect.needs_steps for candidate in candidates for effect in candidate.effects)
-        batch = self._batch_for(rows, few=rows <= _FEW and (halting or self.channels.prescribed is not None))
-        fields = _Fields(batch)
+        fields = self._fields_for(rows, few=rows <= _FEW and (halting or self.channels.prescribed is not None))
+        batch = fields.batch
         fields("opt.timestep")[:rows] = np.median(segments.dt) / self.substeps
-        acting, steady = self._acting(segments, candidates, batch, fields)
+        acting, steady = self._acting(segments, candidates, fields)
         inputs = Inputs(segments, candidates, self.substeps, model.nu, self.stride, self.late, steady)
         batch.state[:rows] = self._reset_row
         flat = starts.reshape(rows, -1)
@@ -150,9 +149,7 @@ class Engine:
         fields.restore(model)
         return states.reshape(count, size, intervals + 1, self.state_size)
 
-    def _acting(
-        self, segments: Segments, candidates: Sequence[Candidate], batch: mujoco.batch.Batch, fields: _Fields
-    ) -> tuple[list[Act], Array]:
+    def _acting(self, segments: Segments, candidates: Sequence[Candidate], fields: _Fields) -> tuple[list[Act], Array]:
         """Edits the models, with the constants that follow; returns what acts in every step, and what always does."""
         size, derived = segments.size, np.zeros(len(candidates), dtype=bool)
         starts = np.stack([segments.run, segments.first], axis=1)
@@ -170,11 +167,7 @@ class Engine:
                     if positions is not None:
                         memory = effect.memory(positions, np.tile(starts, (len(which), 1)), repeated)
                 acting.append(before_steps(effect, rows, repeated, memory))
-        edited = np.repeat(derived, size)
-        stale = self._stale[batch.nsim][: len(edited)]
-        if len(changed := np.flatnonzero(edited | stale)):
-            batch.set_const(changed.astype(np.int32))
-        stale[:] = edited
+        fields.derive(np.repeat(derived, size))
         return acting, steady
 
     def _following(self, segments: Segments, lengths: Array, starts: Array) -> list[Act]:
@@ -185,21 +178,20 @@ class Engine:
         steps = np.repeat(lengths, self.substeps, axis=1)
         return [PrescribedMotion(self.model, joints, segments, steps, starts[:, joints.qpos])]
 
-    def _batch_for(self, rows: int, few: bool) -> mujoco.batch.Batch:
+    def _fields_for(self, rows: int, few: bool) -> _Fields:
         """A batch with room for so many simulations; a few that stop at every step wait for no other thread."""
-        batch = self._batches.get(few)
-        if batch is None or batch.nsim < rows:
+        fields = self._fields.get(few)
+        if fields is None or fields.batch.nsim < rows:
             capacity = _FEW if few else 1 << max(rows - 1, 0).bit_length()
             try:
-                batch = mujoco.batch.Batch(self.model, capacity, 1 if few else self.nthread)
+                fields = _Fields(mujoco.batch.Batch(self.model, capacity, 1 if few else self.nthread))
             except ValueError as error:
                 raise ConfigurationError(
                     f"MuJoCo cannot run this model in batches: {error}. Turn that feature off in the model."
                 ) from error
-            self._batches[few] = batch
-            self._stale[capacity] = np.zeros(capacity, dtype=bool)
-            self._reset_row = batch.state[0].copy()
-        return batch
+            self._fields[few] = fields
+            self._reset_row = fields.batch.state[0].copy()
+        return fields
 
 
 def before_steps(effect: Effect, rows: Index, values: Array, memory: Array | None) -> Act:
@@ -220,18 +212,26 @@ def _fill(states: Array, edges: list[int], dt: Array, nq: int) -> None:
 
 
 class _Fields:
-    """Fields of the model with one value for each simulation, put back after use."""
+    """Fields of a batch's model with one value for each simulation, put back after use."""
 
     def __init__(self, batch: mujoco.batch.Batch) -> None:
-        self._batch = batch
+        self.batch = batch
+        self._stale = np.zeros(batch.nsim, dtype=bool)
 
     def __call__(self, name: str) -> Array:
-        return self._batch.expand(name)
+        return self.batch.expand(name)
+
+    def derive(self, edited: NDArray[np.bool_]) -> None:
+        """Computes the constants of the first simulations that are edited, or were and still have what followed."""
+        stale = self._stale[: len(edited)]
+        if len(changed := np.flatnonzero(edited | stale)):
+            self.batch.set_const(changed.astype(np.int32))
+        stale[:] = edited
 
     def restore(self, model: mujoco.MjModel) -> None:
-        for name in list(self._batch._expanded):
+        for name in list(self.batch._expanded):
             value = getattr(model.opt, name[4:]) if name.startswith("opt.") else getattr(model, name)
-            self._batch.expand(name)[...] = value
+            self.batch.expand(name)[...] = value
 
 
 def _padded(columns: Sequence[Array], channels: Channels, address: int) -> Array | None:
