@@ -96,7 +96,8 @@ def without_each(selection: Selection, shooting: Shooting) -> list[tuple[Effect,
     for effect, rest in rests.items():
         fit = selection.of(rest)
         if fit is None or fit.chi2 > selection.nominal.chi2:
-            (fit,) = selection.add([fitted(shooting, selection, rest)]) or (None,)
+            sound = selection.add([fitted(shooting, selection, rest)])
+            fit = sound[0] if sound else None
         if fit is not None:
             smaller.append((effect, fit))
     return smaller

@@ -145,8 +145,7 @@ class ActuatorDeadZone(ActuatorEffect):
         """Makes the effect for an actuator."""
         top = place.control
         parameter = Parameter("width", "1", 0.03 * top, low=0.0, high=0.9 * top)
-        shares = (0.003, 0.008, 0.02, 0.05, 0.1, 0.2, 0.35, 0.5)
-        return cls.make(place, model, parameter, [share * top for share in shares])
+        return cls.make(place, model, parameter, [top * x for x in (0.003, 0.008, 0.02, 0.05, 0.1, 0.2, 0.35, 0.5)])
 
     def control(self, control: Array, dt: Array, values: Array) -> Array:
         """Takes the dead band out."""
@@ -290,7 +289,12 @@ class ActuatorDelay(ActuatorEffect):
         return True
 
 
-_DIRECT = (ActuatorGain, ActuatorBias)
-_SHAPING = (ActuatorDelay, ActuatorLag, ActuatorSaturation, ActuatorDeadZone)
-ACTUATION: tuple[type[ActuatorEffect], ...] = (*_DIRECT, *_SHAPING)
+ACTUATION: tuple[type[ActuatorEffect], ...] = (
+    ActuatorGain,
+    ActuatorBias,
+    ActuatorDelay,
+    ActuatorLag,
+    ActuatorSaturation,
+    ActuatorDeadZone,
+)
 """The family, in the order in which a modeller would try them."""

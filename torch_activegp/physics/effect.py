@@ -98,8 +98,6 @@ class Effect:
     """Whether a modeller would have tuned it on the machine's data, so that a nominal can hide others in it."""
     never_negative: ClassVar[frozenset[str]] = frozenset()
     """Described parameters of which no machine has less than none; their intervals say so."""
-    needs_steps: ClassVar[bool] = False
-    """Whether :meth:`before_step` does something."""
 
     @classmethod
     def at(cls, place: Place, model: mujoco.MjModel) -> Self:
@@ -113,6 +111,11 @@ class Effect:
             The effect, its parameters and seeds sized for the place.
         """
         raise NotImplementedError
+
+    @property
+    def needs_steps(self) -> bool:
+        """Whether :meth:`before_step` does something."""
+        return False
 
     @property
     def item(self) -> str:

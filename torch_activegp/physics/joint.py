@@ -26,7 +26,10 @@ class JointEffect(Effect):
     qpos: int = 0
     nominal_loss: float = 0.0
 
-    needs_steps = True
+    @property
+    def needs_steps(self) -> bool:
+        """Forces act in every step; those that the model's own fields hold say otherwise."""
+        return True
 
     def force(self, position: Array, velocity: Array, values: Sequence[Array] | Array) -> Array:
         """The law as a generalised force on the joint, N m or N.
@@ -69,7 +72,7 @@ class JointEffect(Effect):
 
     def add_passive(self, spec: mujoco.MjSpec, **laws: Sequence[float]) -> None:
         """Adds an actuator without input to the joint: MuJoCo's DC motor with some of its losses alone."""
-        name = self.target.partition(":")[2]
+        name = self.item
         taken = {actuator.name for actuator in spec.actuators}
         wanted = (f"{name}_{self.name}", *(f"{name}_{self.name}_{i}" for i in range(len(taken))))
         joint = self.joint(spec)

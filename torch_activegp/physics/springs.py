@@ -56,7 +56,10 @@ class Spring(JointEffect):
     at_joint: int = 0
     rest: float = 0.0
 
-    needs_steps = False
+    @property
+    def needs_steps(self) -> bool:
+        """MuJoCo's own spring needs none."""
+        return False
 
     @classmethod
     def around(cls, place: Place, model: mujoco.MjModel, parameters: tuple[Parameter, ...], **options: Any) -> Self:
@@ -145,7 +148,7 @@ class CubicSpring(Spring):
         return -values[0] * position**3
 
     @property
-    def needs_steps(self) -> bool:  # type: ignore[override]
+    def needs_steps(self) -> bool:
         """Only where the model's own spring does not rest at zero."""
         return self.rest != 0.0
 
