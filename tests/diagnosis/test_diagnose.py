@@ -1,13 +1,16 @@
 from __future__ import annotations
 
 import json
+from types import SimpleNamespace
 from typing import Self
 
 import mujoco
 import numpy as np
 import pytest
 
+from torch_activegp.data.balls import balls_model, load_balls
 from torch_activegp.diagnosis import diagnose
+from torch_activegp.diagnosis.diagnose import _remainder
 from torch_activegp.errors import ConfigurationError, DataError
 from torch_activegp.physics import Parameter, Place
 from torch_activegp.physics.joint import JointEffect
@@ -60,6 +63,29 @@ class Bump(JointEffect):
 
     def force(self, position, velocity, values):
         return values[0] * np.exp(-(((position - values[1]) / values[2]) ** 2))
+
+
+def test_what_is_left_of_a_single_segment_is_not_learned(bench) -> None:
+    """Nothing could be kept from the training of a Gaussian process."""
+    one = np.array([0])
+    explanation = SimpleNamespace(shooting=bench.shooting.pick(one), engine=bench.engine)
+    judgement = SimpleNamespace(verdict="unknown", white=False, unexplained=1.0)
+    assert _remainder(explanation, judgement, bench.nominal.pick(one)) is None
+
+
+@pytest.mark.parametrize("ball", ["baseball", "golf_ball", "bowling_ball"])
+def test_no_drag_is_named_on_a_heavy_ball(recordings_dir, ball: str) -> None:
+    """Its video errs by a tenth of a metre for half a second; one segment, chi2 of free fall about one."""
+    found = diagnose(balls_model(), [load_balls(ball, 1)], [load_balls(ball, 2)], nthread=1)
+    assert found.verdict == "none"
+    assert found.details["mismatch"]["chi2_per_dof"] < 1.5
+
+
+def test_drag_is_named_on_a_light_ball(recordings_dir) -> None:
+    """Video of two seconds cannot tell it from a drag of two levels, nor from a spring."""
+    found = diagnose(balls_model(), [load_balls("whiffle_ball_1", 1)], [load_balls("whiffle_ball_1", 2)], nthread=1)
+    assert [effect.name for effect in found.effects] == ["viscous_friction"]
+    assert found.effects[0].parameters["coefficient"].value == pytest.approx(0.525, rel=0.1)
 
 
 def test_a_law_of_the_users_is_named_beside_the_list(bench, record) -> None:

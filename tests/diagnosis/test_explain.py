@@ -52,6 +52,16 @@ def test_a_rival_begins_from_its_own_parameters_and_from_those_of_the_best(bench
     assert len(_starts_of(dataclasses.replace(rival, values=(best.values[0], values[1])), best)) == 1
 
 
+def test_a_rival_that_contains_a_law_of_the_best_also_begins_as_that(bench) -> None:
+    """So that it never ends worse than what it contains; its shape stays."""
+    level = bench.fit("coulomb_friction", 0.05)
+    stribeck = bench.effect("stribeck_friction")
+    rival = dataclasses.replace(level, effects=(stribeck,), values=(np.array([0.2, 0.4, 0.3]),))
+    (_, own), (_, shared) = _starts_of(rival, level)
+    np.testing.assert_array_equal(own[0], [0.2, 0.4, 0.3])
+    np.testing.assert_array_equal(shared[0], [level.values[0][0], 0.0, 0.3])
+
+
 def test_a_coarse_time_step_is_not_taken_for_a_delay(clean) -> None:
     coarse = mujoco.MjModel.from_xml_string(clean.xml.replace("RK4", "Euler").replace("0.005", "0.01"))
     found = explain(dataclasses.replace(clean.machine, model=coarse), some(clean), 1)

@@ -165,8 +165,10 @@ def _certain(judgement: Judgement) -> list[tuple[Effect, Array]]:
 
 
 def _remainder(explanation: Explanation, judgement: Judgement, chosen: Fit) -> Outcome | None:
-    """A Gaussian process of what is left, where something is."""
+    """A Gaussian process of what is left, where something is, and some segments can be kept from its training."""
     if judgement.verdict == "none" or judgement.white or judgement.unexplained < _WORTH_LEARNING:
+        return None
+    if explanation.shooting.segments.size < 2:
         return None
     engine = explanation.engine
     joints, inputs = engine.channels.joints, {at: name for name, at in input_addresses(engine.model).items()}

@@ -18,6 +18,7 @@ from torch_activegp.diagnosis.noise_floor import noise_floor
 from torch_activegp.diagnosis.noise_left import quieter
 from torch_activegp.diagnosis.noise_model import NoiseModel
 from torch_activegp.diagnosis.numerics import Numerics, Sets
+from torch_activegp.diagnosis.proposals import beginning
 from torch_activegp.diagnosis.runs import Array, median_step
 from torch_activegp.diagnosis.segments import Segments, cut, halve
 from torch_activegp.diagnosis.selection import Depth, select
@@ -223,9 +224,12 @@ def _polish(shooting: Shooting, selection: Selection) -> None:
 
 
 def _starts_of(fit: Fit, best: Fit) -> Sets:
-    """A set with its own parameters, and with those of the best one for what they share, where that differs."""
+    """A set with its own parameters, and with those of the best one for what they share or contain, where that differs.
+
+    So a law never ends worse than the simpler one that it contains.
+    """
     found = dict(zip(best.effects, best.values, strict=True))
-    shared = tuple(found.get(e, v) for e, v in zip(fit.effects, fit.values, strict=True))
+    shared = tuple(found.get(e, beginning(e, v, best)) for e, v in zip(fit.effects, fit.values, strict=True))
     own = [(fit.effects, fit.values)]
     far = any(not np.allclose(a, b, rtol=_ALIKE) for a, b in zip(shared, fit.values, strict=True))
     return [*own, (fit.effects, shared)] if far else own

@@ -20,6 +20,11 @@ _COLOURED = 0.4
 _COMPLETE = 0.9
 _JITTER = 0.02
 _FINEST = 3e-5
+_VIDEO = 1 / 30
+_VIDEO_TIME = 0.6
+_VIDEO_ERROR = 4.0
+"""What is recorded below 30 Hz comes from video, whose errors (parallax, the lens, who marks a frame) last: frames of
+falling balls err by 0.1 to 0.15 m for half a second at a time, and by 0.03 m from one frame to the next."""
 _GROWS = 1.5
 """What a displacement of a prescribed joint becomes on its way through a segment, beyond what inertia makes of it."""
 
@@ -28,11 +33,12 @@ def noise_floor(runs: Sequence[Run]) -> NoiseModel:
     """Noise level and colour of every channel, without a model of the machine.
 
     High differences measure white noise. A filter in the encoder makes noise whose differences are small though its
-    level is not; it shows in the spectrum above the machine's motion, which is flat for white noise. Recordings slower
-    than 67 Hz leave no such band: their noise counts as white. Where the controls repeat and the motion has settled,
-    noise is what differs from period to period, and neither is asked. No floor is below 3e-5 of the motion: rigid
-    bodies, and the arithmetic that simulates them, are no more exact than that. The noise of prescribed joints moves
-    the others in a simulation, and comes on top of theirs.
+    level is not; it shows in the spectrum above the machine's motion, which is flat for white noise. Recordings
+    slower than 67 Hz leave no such band: their noise counts as white, and below 30 Hz as that of a video, which
+    lasts. Where the controls repeat and the motion has settled, noise is what differs from period to period, and
+    neither is asked. No floor is below 3e-5 of the motion: rigid bodies, and the arithmetic that simulates them,
+    are no more exact than that. The noise of prescribed joints moves the others in a simulation, and comes on top
+    of theirs.
 
     Args:
         runs: at least one.
@@ -51,10 +57,16 @@ def _own(runs: Sequence[Run], least: Array | float = 0.0) -> NoiseModel:
     scale = np.maximum(np.sqrt(np.mean([run.noise**2 for run in runs], axis=0)), least) + 1e-12
     colour = np.zeros((len(scale), 2))
     for channel in range(len(scale)):
-        found = noise_from_periods(runs, channel) or _colour(runs, channel)
+        found = noise_from_periods(runs, channel) or _video(runs, scale[channel]) or _colour(runs, channel)
         if found is not None:
             colour[channel], scale[channel] = found
     return NoiseModel(np.asarray(scale), colour)
+
+
+def _video(runs: Sequence[Run], white: float) -> tuple[tuple[float, float], float] | None:
+    """Errors of a video that differ by so much from frame to frame; None for faster recorders."""
+    step = median_step(runs)
+    return ((float(np.exp(-step / _VIDEO_TIME)), 0.0), _VIDEO_ERROR * white) if step > _VIDEO else None
 
 
 def _carried(runs: Sequence[Run]) -> Array | float:

@@ -117,13 +117,23 @@ def richer(fit: Fit, effects: Sequence[Effect]) -> list[Set]:
                 continue
             others = [(e, v) for i, (e, v) in enumerate(zip(fit.effects, fit.values, strict=True)) if i != k]
             for seed in effect.seeds:
-                value = seed.copy()
-                value[: effect.linear] = 0.0
-                value += _part(effect, float(fit.values[k][0]))
+                value = beginning(effect, seed, fit)
                 if effect.name == "stribeck_friction":
                     value[1] = _START * abs(value[0])
                 out.append(((*(e for e, _ in others), effect), (*(v for _, v in others), value)))
     return out
+
+
+def beginning(effect: Effect, value: Array, fit: Fit) -> Array:
+    """Parameters of a law with which it is the simpler one that a fit has in its place, or its own where there is none.
+
+    What shapes it (:attr:`Effect.linear`) stays.
+    """
+    for old, there in zip(fit.effects, fit.values, strict=True):
+        if old.target == effect.target and old.name in effect.covers and old.linear == 1:
+            shape = np.where(np.arange(len(value)) < effect.linear, 0.0, value)
+            return shape + _part(effect, float(there[0]))
+    return value
 
 
 def simpler(

@@ -39,6 +39,8 @@ HOPELESS = 0.5
 ALIKE = 0.6
 """To stand in for an effect, another one must gain so much of what it gains, to first order."""
 MAX_EFFECTS = 4
+_CHEAP = 60
+"""So many fits of one segment cost little: where there are few segments, more is fitted than looks best."""
 _PLENTY = 400.0
 _COMPANY = 40
 _ROUNDS = 10
@@ -143,7 +145,8 @@ def _only_undoes(selection: Selection, shooting: Shooting) -> bool:
 def _expand(selection: Selection, shooting: Shooting, effects: Sequence[Effect], fit: Fit) -> None:
     """Fits the most promising sets that contain a fit and something more."""
     screened = screen(shooting, fit, _allowed(effects, fit))
-    proposed = [*_proposals(selection, fit, screened), *richer(fit, effects)]
+    most = max(MOST, _CHEAP // shooting.segments.size)
+    proposed = [*_proposals(selection, fit, screened, most), *richer(fit, effects)]
     if selection.score.names_in(fit.effects) < len(fit.effects):
         proposed += undone(fit, screened, selection.score.a_parameter * selection.score.scale)
     known = {frozenset(f.effects) for f in selection.fits}
@@ -167,7 +170,7 @@ def _allowed(effects: Sequence[Effect], fit: Fit) -> list[Effect]:
     return [e for e in effects if not e.stands_in and e.key not in taken and e.key not in covered]
 
 
-def _proposals(selection: Selection, fit: Fit, screened: Screen) -> list[Set]:
+def _proposals(selection: Selection, fit: Fit, screened: Screen, most: int) -> list[Set]:
     """The most promising sets that contain one more effect, or several where these help together."""
 
     def worth(score: Score, atoms: tuple[Atom, ...]) -> float:
@@ -175,11 +178,11 @@ def _proposals(selection: Selection, fit: Fit, screened: Screen) -> list[Set]:
         return gain / score.scale - score.price([a.effect for a in atoms])
 
     best = screened.best()
-    singles = [a for a in best[: 4 * MOST] if worth(selection.score, (a,)) > 0.0]
-    chosen: list[Sequence[Atom]] = [(a,) for a in diverse(sorted(singles, key=lambda a: -worth(selection.score, (a,))))]
+    singles = [a for a in best[: 4 * most] if worth(selection.score, (a,)) > 0.0]
+    singles.sort(key=lambda a: -worth(selection.score, (a,)))
+    chosen: list[Sequence[Atom]] = [(a,) for a in diverse(singles, most)]
     lenient = functools.cache(functools.partial(worth, selection.score.before_any_fit(selection.nominal)))
-    most = MAX_EFFECTS - selection.score.names_in(fit.effects)
-    together = companies(best[:_COMPANY], lenient, most, _MORE)
+    together = companies(best[:_COMPANY], lenient, MAX_EFFECTS - selection.score.names_in(fit.effects), _MORE)
     chosen += [with_values(company, screened.together(company)[1]) for company in together]
     if not fit.effects:
         gains = [screened.joint_gain(company) for company in together]
