@@ -21,7 +21,7 @@ from torch_activegp.diagnosis.fingerprint import fingerprint
 from torch_activegp.diagnosis.fit import Fit
 from torch_activegp.diagnosis.forecast import compare
 from torch_activegp.diagnosis.intervals import estimates
-from torch_activegp.diagnosis.judge import Judgement, judge
+from torch_activegp.diagnosis.judge import Judgement
 from torch_activegp.diagnosis.locate import entries, locate, somewhere
 from torch_activegp.diagnosis.machine import Machine, make_machine
 from torch_activegp.diagnosis.places import effects_for
@@ -29,7 +29,7 @@ from torch_activegp.diagnosis.remainder import Outcome, model_remainder
 from torch_activegp.diagnosis.result import Diagnosis, NamedEffect
 from torch_activegp.diagnosis.runs import Array, input_addresses, median_step
 from torch_activegp.diagnosis.source import Source, read_source
-from torch_activegp.diagnosis.stability import stability
+from torch_activegp.diagnosis.verdict import Verdict, decide
 from torch_activegp.diagnosis.words import sentence
 from torch_activegp.physics.effect import Effect
 
@@ -82,17 +82,16 @@ def diagnose(
     if checkpoint is not None:
         checkpoint.open(fingerprint(source, machine, tried, seed))
     explanation = explain(machine, tried, nthread, lambda words: say(words, None), checkpoint)
-    say("weighing the evidence", 0.7)
-    judgement = judge(explanation.shooting, explanation.selection)
-    return _report(source, machine, explanation, judgement, seed, say)
+    say("weighing the evidence, and leaving out one recording at a time", 0.7)
+    verdict = decide(explanation.shooting, explanation.selection)
+    return _report(source, machine, explanation, verdict, seed, say)
 
 
 def _report(
-    source: Source, machine: Machine, explanation: Explanation, judgement: Judgement, seed: int, say: Tell
+    source: Source, machine: Machine, explanation: Explanation, verdict: Verdict, seed: int, say: Tell
 ) -> Diagnosis:
     shooting, nominal = explanation.shooting, explanation.selection.nominal
-    say("leaving out one recording at a time", 0.75)
-    stable = stability(shooting, explanation.selection, judgement)
+    judgement = verdict.judgement
     say("locating", 0.8)
     mismatch = max(nominal.chi2 - shooting.dof, 0.0)
     regions = locate(shooting, nominal) if judgement.verdict != "none" else []
@@ -152,7 +151,7 @@ def _report(
     }
     words = sentence(judgement.verdict, named, details)
     states = {"remainder.pt": outcome.effect.state()} if outcome is not None and outcome.effect is not None else {}
-    return Diagnosis(judgement.verdict, words, named, details, evidence, files, corrected, learned, states, stable)
+    return Diagnosis(judgement.verdict, words, named, details, evidence, files, corrected, learned, states, verdict.stability)
 
 
 def _certain(judgement: Judgement) -> list[tuple[Effect, Array]]:

@@ -91,6 +91,10 @@ class Spread:
     farthest: str
 
 
+WORSE = 10.0
+"""An effect that raises the chi2 of a recording by more makes its forecast worse."""
+
+
 @dataclasses.dataclass(frozen=True)
 class EffectStability:
     """What becomes of one effect when recordings are left out.
@@ -118,6 +122,12 @@ class EffectStability:
     def improved(self) -> int:
         """The number of recordings that the effect, fitted to the others, forecasts better."""
         return sum(gain is not None and gain > 0.0 for gain in self.gains) + len(self.fails_without)
+
+    @property
+    def refuted(self) -> bool:
+        """Whether it makes the forecasts of recordings left out worse, one of them clearly, and all of them together."""
+        known = [gain for gain in self.gains if gain is not None]
+        return not self.fails_without and min(known, default=0.0) < -WORSE and sum(known) < 0.0
 
 
 @dataclasses.dataclass(frozen=True)

@@ -13,7 +13,7 @@ from torch_activegp.diagnosis.fit import Fit
 from torch_activegp.diagnosis.intervals import standard_errors
 from torch_activegp.diagnosis.judge import Judgement
 from torch_activegp.diagnosis.refit import Refits, refit
-from torch_activegp.diagnosis.result import EffectStability, Spread, Stability
+from torch_activegp.diagnosis.result import WORSE, EffectStability, Spread, Stability
 from torch_activegp.diagnosis.score import Score
 from torch_activegp.diagnosis.segments import Segments
 from torch_activegp.diagnosis.shooting import Shooting
@@ -23,8 +23,8 @@ _MOST = 12
 """Beyond so many recordings, neighbours are left out together."""
 _FAR = 2.5
 """A shift by more standard errors is worth a warning."""
-_WORSE = (10.0, 0.01)
-"""So is an effect that raises the chi2 of a recording by more than this and this part of what it gains on others."""
+_WORSE = 0.01
+"""So is an effect that raises the chi2 of a recording clearly and by more than this part of what it gains on others."""
 
 
 def stability(shooting: Shooting, selection: Selection, judgement: Judgement) -> Stability | None:
@@ -134,7 +134,7 @@ def _warnings(effect: EffectStability, labels: Sequence[str]) -> list[str]:
         out.append(f"{name} rests on {effect.rests_on[0]} alone: the rest is not enough to name it")
     elif effect.rests_on:
         out.append(f"the evidence for {name} is just enough: it needs each of {'; '.join(effect.rests_on)}")
-    least = -_WORSE[0] - _WORSE[1] * sum(max(gain or 0.0, 0.0) for gain in effect.gains)
+    least = -WORSE - _WORSE * sum(max(gain or 0.0, 0.0) for gain in effect.gains)
     worse = [label for label, gain in zip(labels, effect.gains, strict=True) if gain is not None and gain < least]
     worse += effect.fails_with
     if worse:
