@@ -23,7 +23,7 @@ def test_a_name_that_forecasts_what_was_left_out_stays(bench, selection) -> None
 
 
 def test_a_refuted_name_makes_way_for_the_next_best_set(bench, selection, monkeypatch) -> None:
-    """The recordings left out are said to be worse for friction by the speed; dry friction is asked next, and is not."""
+    """The recordings left out are said to be worse for friction by the speed; dry friction comes next, and is not."""
 
     def said(shooting, selection, judgement) -> Stability:
         gains = {"viscous_friction": (4.0, -20.0), "coulomb_friction": (4.0, 20.0)}

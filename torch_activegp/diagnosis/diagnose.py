@@ -151,7 +151,8 @@ def _report(
     }
     words = sentence(judgement.verdict, named, details)
     states = {"remainder.pt": outcome.effect.state()} if outcome is not None and outcome.effect is not None else {}
-    return Diagnosis(judgement.verdict, words, named, details, evidence, files, corrected, learned, states, verdict.stability)
+    stable = verdict.stability
+    return Diagnosis(judgement.verdict, words, named, details, evidence, files, corrected, learned, states, stable)
 
 
 def _certain(judgement: Judgement) -> list[tuple[Effect, Array]]:

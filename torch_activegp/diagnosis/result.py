@@ -125,7 +125,7 @@ class EffectStability:
 
     @property
     def refuted(self) -> bool:
-        """Whether it makes the forecasts of recordings left out worse, one of them clearly, and all of them together."""
+        """Whether it makes the forecasts of recordings left out worse, one of them clearly and all of them together."""
         known = [gain for gain in self.gains if gain is not None]
         return not self.fails_without and min(known, default=0.0) < -WORSE and sum(known) < 0.0
 
