@@ -50,6 +50,16 @@ def test_a_useless_set_to_begin_from_is_left_behind(bench) -> None:
     assert frozenset({load.key}) in {fit.keys for fit in chosen.fits}
 
 
+def test_two_names_that_leave_most_are_no_end(bench, monkeypatch) -> None:
+    """As a part of the data may give them: nothing is added to them, and the search begins anew on all data."""
+    monkeypatch.setattr("torch_activegp.diagnosis.score.SLACK", 0.0)  # neither name alone comes close to both
+    load = bench.effect("payload_mass", "body:rod")
+    astray = [load, bench.effect("cubic_spring")]
+    start = (astray, (np.array([0.07]), np.array([0.2])))
+    chosen = select(bench.shooting, [bench.effect("viscous_friction"), *astray], bench.nominal, [start])
+    assert chosen.best.keys == {("viscous_friction", "joint:hip")}
+
+
 def _recorded(xml: str, steps: int = 20, rows: int = 201) -> Recording:
     """A slow run at 100 Hz that MuJoCo integrates in steps of 0.5 ms."""
     model = mujoco.MjModel.from_xml_string(xml.replace('"0.005"', '"0.0005"'))

@@ -110,12 +110,11 @@ def _search(
     for _ in range(depth.rounds):
         beam = [f for f in selection.ranked() if frozenset(f.effects) not in expanded]
         beam = [f for f in beam[:BEAM] if selection.score(f) <= selection.score(selection.best) + selection.score.slack]
+        hopeless = _hopeless(selection, shooting, 1)
+        if not beam and hopeless and frozenset() not in expanded:
+            beam = [selection.nominal]  # what was found on a part of the data led astray: from the beginning, on all
         if not beam:
-            if (
-                frozenset(selection.best.effects) == swapped
-                or swaps == depth.swaps
-                or _hopeless(selection, shooting, 1)
-            ):
+            if frozenset(selection.best.effects) == swapped or swaps == depth.swaps or hopeless:
                 break
             swaps += 1
             swapped = frozenset(selection.best.effects)
@@ -124,7 +123,8 @@ def _search(
             continue
         for fit in beam:
             expanded.add(frozenset(fit.effects))
-            if selection.score.names_in(fit.effects) < MAX_EFFECTS and not _hopeless(selection, shooting, 2):
+            lost = bool(fit.effects) and _hopeless(selection, shooting, 2)
+            if selection.score.names_in(fit.effects) < MAX_EFFECTS and not lost:
                 tell(f"testing what comes on top of {len(fit.effects)} effects")
                 _expand(selection, shooting, effects, fit)
         _simplify(selection, shooting, effects)
