@@ -9,8 +9,9 @@ from torch_activegp.diagnosis.compared import Selection
 from torch_activegp.diagnosis.fit import Fit
 from torch_activegp.diagnosis.machine import make_machine
 from torch_activegp.diagnosis.noise_model import NoiseModel
+from torch_activegp.diagnosis.score import Score
 from torch_activegp.diagnosis.segments import cut
-from torch_activegp.diagnosis.selection import select
+from torch_activegp.diagnosis.selection import Depth, _search, select
 from torch_activegp.diagnosis.shooting import Shooting
 
 NAMES = ("viscous_friction", "coulomb_friction", "quadratic_drag", "constant_force", "armature_error")
@@ -50,14 +51,16 @@ def test_a_useless_set_to_begin_from_is_left_behind(bench) -> None:
     assert frozenset({load.key}) in {fit.keys for fit in chosen.fits}
 
 
-def test_two_names_that_leave_most_are_no_end(bench, monkeypatch) -> None:
+def test_two_names_that_leave_most_are_no_end(bench) -> None:
     """As a part of the data may give them: nothing is added to them, and the search begins anew on all data."""
-    monkeypatch.setattr("torch_activegp.diagnosis.score.SLACK", 0.0)  # neither name alone comes close to both
-    load = bench.effect("payload_mass", "body:rod")
-    astray = [load, bench.effect("cubic_spring")]
-    start = (astray, (np.array([0.07]), np.array([0.2])))
-    chosen = select(bench.shooting, [bench.effect("viscous_friction"), *astray], bench.nominal, [start])
-    assert chosen.best.keys == {("viscous_friction", "joint:hip")}
+    astray = [bench.effect("payload_mass", "body:rod"), bench.effect("cubic_spring")]
+    fits = bench.shooting.fit([(astray, (np.array([0.07]), np.array([0.2])))], bench.nominal.starts)
+    selection = Selection(bench.nominal, [bench.nominal, *fits], Score(bench.shooting.samples, 60, 1.0))
+    selection.rescale(bench.shooting.dof)
+    effects = [bench.effect("viscous_friction"), *astray]
+    done = {frozenset(some) for some in (astray, astray[:1], astray[1:])}
+    _search(selection, bench.shooting, effects, done, lambda words: None, Depth())
+    assert selection.best.keys == {("viscous_friction", "joint:hip")}
 
 
 def _recorded(xml: str, steps: int = 20, rows: int = 201) -> Recording:
