@@ -46,14 +46,27 @@ def test_too_few_values_and_failed_simulations_say_nothing(clean) -> None:
     assert quieter(shooting, dataclasses.replace(fit, starts=fit.starts * np.nan)) is None
 
 
-def test_what_is_left_of_physics_is_no_colour(clean) -> None:
-    """A slow error below the noise that was thought: its level would do, but it is not white behind any filter."""
-    shooting, fit = with_noise(clean, 1e-2, 1e-4)
+@pytest.mark.parametrize(("level", "seen"), [(1e-2, True), (1.7e-4, False)])
+def test_under_what_is_left_of_physics_high_differences_say_how_loud_noise_can_be(clean, level, seen: bool) -> None:
+    """A slow error below the noise that was thought is white behind no filter; a level twice too high stays."""
+    shooting, fit = with_noise(clean, level, 1e-4)
     time = np.arange(shooting.segments.intervals + 1) / 100
     slow = 3e-3 * np.sin(2 * np.pi * 6.0 * time)[None, :, None]
     segments = dataclasses.replace(shooting.segments, position=shooting.segments.position + slow)
-    bent = dataclasses.replace(shooting, segments=segments)
-    assert quieter(bent, fit) is None
+    found = quieter(dataclasses.replace(shooting, segments=segments), fit)
+    assert (found is not None) == seen
+    if found is not None:
+        assert found.scale[0] == pytest.approx(1e-4, rel=0.1)
+        assert not found.colour.any()
+
+
+@pytest.mark.parametrize(("floor", "louder"), [(1e-2, True), (3e-4, False)])
+def test_noise_that_was_taken_too_low_rises_again_below_the_floor(clean, floor, louder: bool) -> None:
+    shooting, fit = with_noise(clean, 3e-4, 1e-3, 0.7)
+    found = quieter(shooting, fit, NoiseModel.white(np.array([floor])))
+    assert (found is not None) == louder
+    if found is not None:
+        assert found.innovation[0] == pytest.approx(1e-3 * np.sqrt(1 - 0.7**2), rel=0.12)
 
 
 def test_noise_is_not_below_what_rigid_bodies_hold(clean) -> None:

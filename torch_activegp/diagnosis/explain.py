@@ -117,10 +117,10 @@ def explain(
         tell("naming on all data")
         selection = select(start.shooting, effects, start.nominal, start.sets, start.starts, tell, start.free)
         for _ in range(_QUIETER):
-            noise = quieter(start.shooting, selection.best)
-            if noise is None:
+            less = quieter(start.shooting, selection.best, noise)
+            if less is None:
                 break
-            start, selection = _again(machine, numerics, start, selection, noise, effects, tell)
+            start, selection = _again(machine, numerics, start, selection, less, effects, tell)
         return start, selection
 
     def finish() -> Explanation:
