@@ -8,6 +8,7 @@ import pytest
 
 from torch_activegp.diagnosis.proposals import (
     also_from,
+    beginning,
     companies,
     diverse,
     join,
@@ -41,6 +42,17 @@ def test_richer_laws_start_as_the_law_that_they_contain(bench) -> None:
         if effects[0].name == "asymmetric_friction":
             assert values[0][1] == pytest.approx(fit.values[0][0])
     assert richer(bench.nominal, bench.effects) == []
+
+
+def test_a_law_begins_as_what_it_contains_or_as_it_was(bench) -> None:
+    """Stribeck's friction without an excess, at its own width; two equal levels; a spring contains no friction."""
+    fit = bench.fit("coulomb_friction", 0.01)
+    (level,) = fit.values[0]
+    stribeck, spring = bench.effect("stribeck_friction"), bench.effect("linear_spring")
+    two = next(e for e in bench.effects if e.name == "asymmetric_friction" and e.covers == ("coulomb_friction",))
+    np.testing.assert_array_equal(beginning(stribeck, np.array([0.2, 0.4, 0.3]), fit), [level, 0.0, 0.3])
+    np.testing.assert_array_equal(beginning(two, np.array([0.2, 0.4]), fit), [level, level])
+    np.testing.assert_array_equal(beginning(spring, np.array([0.2]), fit), [0.2])
 
 
 def test_no_more_than_two_of_a_kind(bench) -> None:
@@ -166,9 +178,17 @@ def test_effects_that_hide_each_other_are_seen_together() -> None:
     assert companies([dry, wet], lambda company: poor[" ".join(sorted(a.effect.name for a in company))], 4, 20.0) == []
 
 
-@pytest.mark.parametrize(("late", "other"), [("actuator_delay", "sensor_delay"), ("sensor_delay", "actuator_delay")])
-def test_a_late_drive_may_be_a_late_encoder(bench, late, other) -> None:
-    places = {"actuator_delay": "actuator:drive", "sensor_delay": "sensor:hip"}
+@pytest.mark.parametrize(
+    ("late", "other"),
+    [
+        ("actuator_delay", "sensor_delay"),
+        ("sensor_delay", "actuator_delay"),
+        ("actuator_delay", "actuator_lag"),
+        ("actuator_lag", "actuator_delay"),
+    ],
+)
+def test_a_late_drive_may_be_a_late_encoder_or_late_in_another_way(bench, late, other) -> None:
+    places = {"actuator_delay": "actuator:drive", "actuator_lag": "actuator:drive", "sensor_delay": "sensor:hip"}
     effect, rubbing = bench.effect(late, places[late]), bench.effect("viscous_friction")
     fit = SimpleNamespace(effects=(rubbing, effect), values=(np.array([0.1]), np.array([0.004])))
     found = {effects[1].name: (effects, values) for effects, values in late_elsewhere(fit, bench.effects)}

@@ -22,7 +22,7 @@ _BEAM = 6
 _BEST = 2
 _START = 0.15
 TWO_SIDED = "asymmetric_friction"
-_LATE = ({"actuator_delay", "sensor_delay"}, {"actuator_lag", "sensor_delay"})
+_LATE = ({"actuator_delay", "sensor_delay"}, {"actuator_lag", "sensor_delay"}, {"actuator_delay", "actuator_lag"})
 
 
 def diverse(atoms: Sequence[Atom], most: int = MOST) -> list[Atom]:
@@ -202,7 +202,10 @@ def _push(effect: Effect, value: Array, target: str) -> float:
 
 
 def late_elsewhere(best: Fit, effects: Sequence[Effect]) -> list[Set]:
-    """A set with the encoder late by as much as the drive was, or the drive as the encoder: often the same motion."""
+    """A set with the encoder late by as much as the drive was, or the drive as the encoder, or in another way.
+
+    Often they make the same motion: a delay much shorter than the time between rows, for instance, and such a lag.
+    """
     pairs = list(zip(best.effects, best.values, strict=True))
     out: list[Set] = []
     for late, value in pairs:
