@@ -35,3 +35,15 @@ def test_named_effects_are_listed_with_what_they_explain_together() -> None:
 def test_a_tie_names_the_others() -> None:
     text = sentence("tie", [named("a", 0.9, (("b", "joint:hip"), ("c", "world")))], ERROR)
     assert text.endswith("(noise 0.009); the recordings cannot tell it from b at joint:hip or c at world.")
+
+
+def test_ties_of_several_effects_are_told_apart() -> None:
+    effects = [
+        named("a", 0.6, (("b", "joint:hip"),)),
+        named("c", 0.2),
+        named("d", 0.1, (("b", "joint:hip"), ("e", "world"))),
+    ]
+    text = sentence("tie", effects, ERROR)
+    assert text.endswith(
+        "cannot tell a at joint:hip from b at joint:hip and d at joint:hip from b at joint:hip or e at world."
+    )

@@ -29,9 +29,15 @@ def sentence(verdict: str, effects: Sequence[NamedEffect], details: Mapping[str,
     noise = f"(noise {error['noise']:.2g})"
     text = f"The simulator leaves out {names}, explaining {share:.0%} of the mismatch; {better} {noise}"
     if verdict == "tie":
-        others = _joined([f"{name} at {target}" for effect in effects for name, target in effect.ties], "or")
-        text = f"{text}; the recordings cannot tell it from {others}"
+        tied = [effect for effect in effects if effect.ties]
+        text = f"{text}; the recordings cannot tell {_joined([_tied(effect, len(effects) > 1) for effect in tied])}"
     return f"{text}."
+
+
+def _tied(effect: NamedEffect, several: bool) -> str:
+    """An effect, by its name where there are others, and what could stand in its place."""
+    others = _joined([f"{name} at {target}" for name, target in effect.ties], "or")
+    return f"{f'{effect.name} at {effect.target}' if several else 'it'} from {others}"
 
 
 def _joined(words: Sequence[str], link: str = "and") -> str:
