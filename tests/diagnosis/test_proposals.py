@@ -198,3 +198,15 @@ def test_a_late_drive_may_be_a_late_encoder_or_late_in_another_way(bench, late, 
     assert late not in found
     alone = SimpleNamespace(effects=(rubbing,), values=(np.array([0.1]),))
     assert late_elsewhere(alone, bench.effects) == []
+
+
+def test_two_levels_are_one_and_a_bias_that_is_no_name(bench) -> None:
+    """Where the drive's bias was tuned; else it costs a name, as the constant force does that says the same."""
+    rich = next(e for e in bench.effects if e.name == "asymmetric_friction" and "coulomb_friction" in e.covers)
+    dry, bias = bench.effect("coulomb_friction"), bench.effect("actuator_bias", "actuator:drive")
+    fit = dataclasses.replace(bench.nominal, effects=(rich,), values=(np.array([0.1, 0.3]),), chi2=1000.0)
+    found = {frozenset(some[0]): some for some in simpler(fit, bench.effects, {}, 1040.0, {bias.key})}
+    effects, values = found[frozenset({dry, bias})]
+    assert effects == (dry, bias)
+    np.testing.assert_allclose(np.concatenate(values), [0.2, 0.1])
+    assert frozenset({dry, bias}) not in {frozenset(e) for e, _ in simpler(fit, bench.effects, {}, 1040.0)}

@@ -11,7 +11,7 @@ from torch_activegp.diagnosis.machine import make_machine
 from torch_activegp.diagnosis.noise_model import NoiseModel
 from torch_activegp.diagnosis.score import Score
 from torch_activegp.diagnosis.segments import cut
-from torch_activegp.diagnosis.selection import Depth, _search, select
+from torch_activegp.diagnosis.selection import Depth, _search, _seems_tuned, select
 from torch_activegp.diagnosis.shooting import Shooting
 
 NAMES = ("viscous_friction", "coulomb_friction", "quadratic_drag", "constant_force", "armature_error")
@@ -61,6 +61,19 @@ def test_two_names_that_leave_most_are_no_end(bench) -> None:
     done = {frozenset(some) for some in (astray, astray[:1], astray[1:])}
     _search(selection, bench.shooting, effects, done, lambda words: None, Depth())
     assert selection.best.keys == {("viscous_friction", "joint:hip")}
+
+
+@pytest.mark.parametrize("undoes", [True, False])
+def test_what_only_undoes_a_tuning_frees_all_that_is_tunable(bench, monkeypatch, undoes: bool) -> None:
+    """The drive's bias too, which no score had asked for yet; and nothing where the best set holds nothing tunable."""
+    monkeypatch.setattr("torch_activegp.diagnosis.selection._only_undoes", lambda *_: undoes)
+    score = Score(bench.shooting.samples, 60, 1.0)
+    wet, dry = bench.fit("viscous_friction", 0.05), bench.fit("coulomb_friction", 0.01)
+    selection = Selection(bench.nominal, [bench.nominal, wet], score)
+    assert _seems_tuned(selection, bench.shooting, bench.effects) == undoes
+    assert (("actuator_bias", "actuator:drive") in selection.score.free) == undoes
+    assert undoes or selection.score == score
+    assert not _seems_tuned(Selection(bench.nominal, [bench.nominal, dry], score), bench.shooting, bench.effects)
 
 
 def _recorded(xml: str, steps: int = 20, rows: int = 201) -> Recording:

@@ -160,7 +160,7 @@ def simpler(
         for law in effects:
             if law.target == effect.target and law.name in effect.covers and law.linear == 1:
                 alone = [*others, (law, np.array([value[: effect.linear].mean()]))]
-                plain += [_set([*alone, *more]) for more in ([], *_offset(best, effect, value, effects))]
+                plain += [_set([*alone, *more]) for more in ([], *_offset(best, effect, value, effects, free))]
     plain += _merged(pairs, effects)
     fresh = [some for some in fewer if frozenset(some[0]) not in known]
     return fresh + [some for some in plain if known.get(frozenset(some[0]), np.inf) > close]
@@ -225,12 +225,15 @@ def _set(pairs: Sequence[tuple[Effect, Array]]) -> Set:
     return tuple(e for e, _ in pairs), tuple(v for _, v in pairs)
 
 
-def _offset(best: Fit, effect: Effect, value: Array, effects: Sequence[Effect]) -> list[list[tuple[Effect, Array]]]:
-    """What an asymmetric friction has beyond a symmetric one: a constant force."""
-    key = ("constant_force", effect.target)
-    if effect.name != TWO_SIDED or key in best.keys:
+def _offset(
+    best: Fit, effect: Effect, value: Array, effects: Sequence[Effect], free: Collection[tuple[str, str]]
+) -> list[list[tuple[Effect, Array]]]:
+    """What an asymmetric friction has beyond a symmetric one: a constant force, or a drive's bias that is no name."""
+    if effect.name != TWO_SIDED:
         return []
-    return [[(e, np.array([-0.5 * float(value[0] - value[1])]))] for e in effects if e.key == key]
+    pushes = [(e, _push(e, np.ones(1), effect.target)) for e in effects if e.key not in best.keys]
+    wanted = -0.5 * float(value[0] - value[1])
+    return [[(e, np.array([wanted / p]))] for e, p in pushes if p and (e.name == "constant_force" or e.key in free)]
 
 
 def without_weak(fit: Fit, price: Callable[[Effect], float]) -> Set | None:

@@ -90,6 +90,9 @@ def select(
         selection.rescale(shooting.dof)
     expanded: set[frozenset[Effect]] = set()
     _search(selection, shooting, effects, expanded, tell, depth)
+    if not selection.score.free and _seems_tuned(selection, shooting, effects):
+        _simplify(selection, shooting, effects)
+        _search(selection, shooting, effects, expanded, tell, depth)
     if selection.score.free and not _only_undoes(selection, shooting):
         selection.score = dataclasses.replace(selection.score, free=frozenset())
         _search(selection, shooting, effects, expanded, tell, depth)
@@ -129,6 +132,17 @@ def _search(
                 _expand(selection, shooting, effects, fit)
         _simplify(selection, shooting, effects)
         selection.rescale(shooting.dof)
+
+
+def _seems_tuned(selection: Selection, shooting: Shooting, effects: Sequence[Effect]) -> bool:
+    """Whether what is tunable in the best set only undoes a tuning; then nothing that is tunable costs a name."""
+    named = selection.score
+    if not any(effect.tunable for effect in selection.best.effects):
+        return False
+    selection.score = dataclasses.replace(named, free=frozenset(e.key for e in effects if e.tunable))
+    if not _only_undoes(selection, shooting):
+        selection.score = named
+    return bool(selection.score.free)
 
 
 def _only_undoes(selection: Selection, shooting: Shooting) -> bool:
