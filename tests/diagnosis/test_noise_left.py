@@ -4,17 +4,22 @@ import dataclasses
 
 import numpy as np
 import pytest
-from scipy.signal import lfilter
+from scipy.signal import butter, lfilter
 
 from torch_activegp.diagnosis.engine import NOMINAL
 from torch_activegp.diagnosis.noise_left import quieter
-from torch_activegp.diagnosis.noise_model import NoiseModel
+from torch_activegp.diagnosis.noise_model import NoiseModel, colour_scale
+
+
+def bench_exact(bench) -> np.ndarray:
+    """What the perfect model's sensors would read."""
+    return bench.engine.predict(bench.segments, bench.nominal.starts[None], [NOMINAL])[0][0]
 
 
 def with_noise(bench, level: float, scale: float, pole: float = 0.0):
     """The likelihood and the fit of a perfect model whose noise is said to be of some level."""
     rng = np.random.default_rng(3)
-    exact = bench.engine.predict(bench.segments, bench.nominal.starts[None], [NOMINAL])[0][0]
+    exact = bench_exact(bench)
     fresh = rng.normal(size=(exact.shape[0], 200 + exact.shape[1], exact.shape[2]))
     coloured = lfilter([np.sqrt(1 - pole**2)], [1, -pole], fresh, axis=1)[:, 200:]
     segments = dataclasses.replace(bench.segments, position=exact + scale * coloured)
@@ -46,21 +51,39 @@ def test_too_few_values_and_failed_simulations_say_nothing(clean) -> None:
     assert quieter(shooting, dataclasses.replace(fit, starts=fit.starts * np.nan)) is None
 
 
-@pytest.mark.parametrize(("level", "seen"), [(1e-2, True), (1.7e-4, False)])
-def test_under_what_is_left_of_physics_high_differences_say_how_loud_noise_can_be(clean, level, seen: bool) -> None:
-    """A slow error below the noise that was thought is white behind no filter; a level twice too high stays."""
+@pytest.mark.parametrize(("level", "seen"), [(1e-2, True), (3e-4, False)])
+def test_far_below_the_floor_the_closest_colour_stands_in_for_what_is_left_of_physics(clean, level, seen: bool) -> None:
+    """A slow error, white behind no filter, beside noise of 1e-4: less than the error, no less than the noise."""
     shooting, fit = with_noise(clean, level, 1e-4)
     time = np.arange(shooting.segments.intervals + 1) / 100
     slow = 3e-3 * np.sin(2 * np.pi * 6.0 * time)[None, :, None]
     segments = dataclasses.replace(shooting.segments, position=shooting.segments.position + slow)
-    found = quieter(dataclasses.replace(shooting, segments=segments), fit)
+    bent = dataclasses.replace(shooting, segments=segments)
+    found = quieter(bent, fit)
     assert (found is not None) == seen
-    if found is not None:
-        assert found.scale[0] == pytest.approx(1e-4, rel=0.1)
-        assert not found.colour.any()
+    assert found is None or 1e-4 < found.innovation[0] < 1e-3
+    assert quieter(bent, fit, last=True) is None
 
 
-@pytest.mark.parametrize(("floor", "louder"), [(1e-2, True), (3e-4, False)])
+@pytest.mark.parametrize(("order", "corner"), [(1, 5.0), (1, 10.0), (2, 10.0)])
+def test_behind_a_filter_that_no_colour_is_a_perfect_model_stays_one(clean, order: int, corner: float) -> None:
+    """Butterworth's: what is left is no noise of the family, and no physics either."""
+    shooting, fit = with_noise(clean, 1e-3, 1e-3)
+    rng = np.random.default_rng(5)
+    slow = lfilter(*butter(order, corner, fs=100), rng.normal(size=(len(fit.starts), 800)), axis=1)[:, -200:]
+    exact = bench_exact(clean)
+    count = exact.shape[1]
+    position = exact + 1e-3 * (slow / slow.std())[:, :count, None]
+    filtered = dataclasses.replace(shooting, segments=dataclasses.replace(shooting.segments, position=position))
+    poles, error = (2 * 0.88, -(0.88**2)), position - exact
+    fresh = (error[:, 2:] - poles[0] * error[:, 1:-1] - poles[1] * error[:, :-2]).std()  # as its spectrum shows it
+    floor = dataclasses.replace(filtered, noise=NoiseModel(np.array([fresh / colour_scale(poles)]), np.array([poles])))
+    found = quieter(floor, floor.fit([((), ())], fit.starts)[0])
+    again = dataclasses.replace(floor, noise=found or floor.noise)
+    assert again.fit([((), ())], fit.starts)[0].chi2 < 1.2 * again.dof
+
+
+@pytest.mark.parametrize(("floor", "louder"), [(1e-2, True), (3e-4, False), (8e-4, False)])
 def test_noise_that_was_taken_too_low_rises_again_below_the_floor(clean, floor, louder: bool) -> None:
     shooting, fit = with_noise(clean, 3e-4, 1e-3, 0.7)
     found = quieter(shooting, fit, NoiseModel.white(np.array([floor])))

@@ -19,7 +19,7 @@ from torch_activegp.diagnosis.result import Stability
 from torch_activegp.diagnosis.score import Score
 from torch_activegp.diagnosis.segments import cut
 from torch_activegp.diagnosis.shooting import Shooting
-from torch_activegp.diagnosis.stability import _parts, stability
+from torch_activegp.diagnosis.stability import _parts, is_refuted, stability
 
 ONE = ("viscous_friction",)
 
@@ -159,3 +159,17 @@ def test_the_diagnosis_holds_it_as_plain_values(diagnosed) -> None:
     assert spread["low"] <= estimate.value <= spread["high"]
     assert dataclasses.asdict(found.stability.effects[0].parameters["coefficient"]) == spread
     assert diagnosed("none").to_dict()["stability"] is None
+
+
+@pytest.mark.parametrize(
+    ("gains", "gain", "refuted"),
+    [
+        ((5.0, -15.0, None), 40.0, True),
+        ((20.0, -15.0), 40.0, False),  # as a whole it forecasts better
+        ((-3.0, -4.0), 40.0, False),  # no more than chance
+        ((None, -15.0), 1700.0, False),  # next to what it gains where it acts
+        ((None, None), 40.0, False),  # it acts in one recording alone
+    ],
+)
+def test_what_refutes_an_effect(gains, gain: float, refuted: bool) -> None:
+    assert is_refuted(gains, gain) is refuted

@@ -1,5 +1,7 @@
 from __future__ import annotations
 
+import dataclasses
+
 import pytest
 
 from torch_activegp.diagnosis.compared import Selection
@@ -15,35 +17,26 @@ def selection(bench) -> Selection:
 
 
 def test_a_name_that_forecasts_what_was_left_out_stays(bench, selection) -> None:
-    judgement, stable, same = decide(bench.shooting, selection)
+    judgement, stable, notes = decide(bench.shooting, selection)
     assert [effect.name for effect in judgement.named] == ["viscous_friction"]
     assert stable is not None
     assert not stable.effects[0].refuted
-    assert same is selection
+    assert notes == ()
 
 
 def test_a_refuted_name_makes_way_for_the_next_best_set(bench, selection, monkeypatch) -> None:
     """The recordings left out are said to be worse for friction by the speed; dry friction comes next, and is not."""
 
     def said(shooting, selection, judgement) -> Stability:
-        gains = {"viscous_friction": (4.0, -20.0), "coulomb_friction": (4.0, 20.0)}
-        effects = [EffectStability(e.name, e.target, gains[e.name], (), {}) for e in judgement.named]
+        effects = [
+            EffectStability(e.name, e.target, (4.0, -20.0), (), {}, refuted=e.name == "viscous_friction")
+            for e in judgement.named
+        ]
         return Stability(("a", "b"), tuple(effects), "said", True)
 
     monkeypatch.setattr("torch_activegp.diagnosis.verdict.stability", said)
-    judgement, _, left = decide(bench.shooting, selection)
+    selection.score = dataclasses.replace(selection.score, free=frozenset({("coulomb_friction", "joint:hip")}))
+    judgement, _, notes = decide(bench.shooting, selection)
     assert judgement.fit.keys == {("coulomb_friction", "joint:hip")}
-    assert [fit.keys for fit in left.fits] == [frozenset(), judgement.fit.keys]
-
-
-@pytest.mark.parametrize(
-    ("gains", "refuted"),
-    [
-        ((5.0, -15.0, None), True),
-        ((20.0, -15.0), False),  # as a whole it forecasts better
-        ((-3.0, -4.0), False),  # no more than chance
-        ((None, None), False),  # it acts in one recording alone
-    ],
-)
-def test_what_refutes_a_name(gains, refuted: bool) -> None:
-    assert EffectStability("cogging", "joint:hip", gains, (), {}).refuted is refuted
+    assert [words.split(" would")[0] for words in notes] == ["viscous_friction at joint:hip"]
+    assert len(selection.fits) == 3  # the caller's own are left alone

@@ -60,7 +60,7 @@ def load_balls(ball: str, drop: int = 1) -> Recording:
     rows = table[table["Drop #"] == drop]
     columns = {"time": rows["Time (s)"].to_numpy(float), "qpos.height": rows["Height (m)"].to_numpy(float)}
     note = "Velocity left out: the authors computed it from the height."
-    return Recording.from_columns(f"{ball}_{drop}", columns, notes=(note,))
+    return Recording.from_columns(f"{ball}_{drop}", columns, notes=(note,), video=True)
 
 
 def balls_model() -> Path:

@@ -11,6 +11,7 @@ A TOML file with one line for each canonical column. The value is the file's own
     qfrc.slide = { scale = 9.81 }               # the file calls it `qfrc.slide` itself, in kgf
     qpos."arm/elbow" = "q2"                     # quotes around a name with other characters than A-Z, a-z, 0-9, - and _
     prescribed = ["slide"]                      # joints that something else moved or held along the recorded positions
+    video      = true                           # positions from a video, whose errors last
 
 ==================  ================================================================================================
 ``column``          name in the file; without it, the canonical name
@@ -69,6 +70,7 @@ class ColumnMap:
         rules: rule by canonical name (``time``, ``run``, ``qpos.<joint>``, ...).
         name: what messages call the map, usually the file's name.
         prescribed: joints that something else moved or held along the recorded positions.
+        video: whether the positions come from a video.
 
     >>> columns = ColumnMap.from_mapping({"time": {"column": "t", "unit": "ms"}, "qpos": {"elbow": "q"}})
     >>> columns.apply(pd.DataFrame({"t": [0, 10], "q": [0.5, 0.6]}), "a.csv").columns.tolist()
@@ -80,10 +82,12 @@ class ColumnMap:
         rules: Mapping[str, ColumnRule] | None = None,
         name: str = "column map",
         prescribed: Sequence[str] = (),
+        video: bool = False,
     ) -> None:
         self.rules = dict(rules or {})
         self.name = name
         self.prescribed = tuple(prescribed)
+        self.video = video
 
     @classmethod
     def from_toml(cls, path: str | Path) -> ColumnMap:
@@ -108,12 +112,14 @@ class ColumnMap:
         Raises:
             DataError: if a name is not canonical, or a setting is unknown, of a wrong type or contradicts another.
         """
-        prescribed = _joints(mapping.get("prescribed", []), name)
+        prescribed, video = _joints(mapping.get("prescribed", []), name), mapping.get("video", False)
+        if not isinstance(video, bool):
+            raise DataError(f"{name}: `video` wants true or false, found {video!r}.")
         flat: dict[str, Any] = {}
         for key, value in mapping.items():
             if key in KINDS and isinstance(value, Mapping):
                 flat |= {f"{key}.{joint}": entry for joint, entry in value.items()}
-            elif key != "prescribed":
+            elif key not in ("prescribed", "video"):
                 flat[key] = value
         for key in flat:
             if not is_canonical(key):
@@ -121,7 +127,7 @@ class ColumnMap:
                     f"{name}: `{key}` is not a canonical column: `time`, `run` or `<kind>.<name>` wanted, kind one of "
                     f"{', '.join(KINDS)}. The canonical name stands on the left, the file's own name on the right."
                 )
-        return cls({key: _rule(key, value, name) for key, value in flat.items()}, name, prescribed)
+        return cls({key: _rule(key, value, name) for key, value in flat.items()}, name, prescribed, video)
 
     def apply(self, table: pd.DataFrame, where: str) -> pd.DataFrame:
         """Return the canonical columns of a raw table, in SI units, as float64 (``run`` as text).
@@ -139,7 +145,7 @@ class ColumnMap:
             str(name): ColumnRule(str(name)) for name in table.columns if is_canonical(str(name)) and name not in taken
         }
         rules = own | self.rules
-        if not self.rules and not self.prescribed:
+        if not self.rules and not self.prescribed and not self.video:
             _refuse_unknown(table, where)
         return pd.DataFrame({key: self._column(table, key, rule, where) for key, rule in rules.items()})
 

@@ -74,14 +74,14 @@ def _load(path: Path, chosen: ColumnMap | None) -> Iterator[Recording]:
     unused = columns.unused(raw)
     notes = [f"Columns left out: {', '.join(unused)}."] if unused else []
     if "run" not in table:
-        yield from _split(table, path, None, notes, columns.prescribed)
+        yield from _split(table, path, None, notes, columns)
         return
     for run, rows in table.groupby("run", sort=False):
-        yield from _split(rows.drop(columns="run"), path, str(run), notes, columns.prescribed)
+        yield from _split(rows.drop(columns="run"), path, str(run), notes, columns)
 
 
 def _split(
-    table: pd.DataFrame, path: Path, run: str | None, notes: Sequence[str], prescribed: tuple[str, ...]
+    table: pd.DataFrame, path: Path, run: str | None, notes: Sequence[str], columns: ColumnMap
 ) -> Iterator[Recording]:
     """Check one run, and cut it where its clock has a gap."""
     rows = table.index.to_numpy() + 1
@@ -104,6 +104,5 @@ def _split(
     for number, (a, b) in enumerate(long_enough, start=1):
         part = run if not gaps.size else (f"{run}.{number}" if run else str(number))
         piece = {name: values[a:b] for name, values in arrays.items()}
-        yield Recording.from_columns(
-            path.name, piece, run=part, source=path, notes=(*notes, *said), prescribed=prescribed
-        )
+        fields = {"run": part, "source": path, "notes": (*notes, *said)}
+        yield Recording.from_columns(path.name, piece, prescribed=columns.prescribed, video=columns.video, **fields)

@@ -31,6 +31,7 @@ class Recording:
         notes: what the loader had to decide, in sentences.
         prescribed: joints that something else moved, or held, along the recorded positions: an input of the machine,
             for :func:`~torch_activegp.diagnosis.diagnose` and :func:`~torch_activegp.diagnosis.evaluate`.
+        video: whether positions were taken from a video, whose errors last for half a second and more.
 
     >>> recording = Recording.from_columns("swing", {"time": [0.0, 0.1, 0.2, 0.3], "qpos.elbow": [0.0, 0.1, 0.3, 0.6]})
     >>> print(recording)
@@ -45,6 +46,7 @@ class Recording:
     source: Path | None = None
     notes: tuple[str, ...] = ()
     prescribed: tuple[str, ...] = ()
+    video: bool = False
 
     @classmethod
     def from_columns(cls, name: str, columns: Mapping[str, Any], **fields: Any) -> Recording:
@@ -54,7 +56,7 @@ class Recording:
             name: what messages call it.
             columns: ``time`` [s], ``qpos.<joint>``, ``qvel.<joint>``, ``ctrl.<actuator>``, ``qfrc.<joint>``; each
                 ``(T,)``, T >= 4: tensors, arrays or lists.
-            fields: ``run``, ``source``, ``notes`` and ``prescribed`` of the recording.
+            fields: ``run``, ``source``, ``notes``, ``prescribed`` and ``video`` of the recording.
 
         Raises:
             DataError: if the columns are no recording (see :func:`~torch_activegp.data.checks.check_columns`), or a
@@ -97,7 +99,7 @@ class Recording:
         """Return a copy with columns added or replaced, and one more note."""
         merged = {column: self[column] for column in self.columns} | dict(columns)
         notes = self.notes if note is None else (*self.notes, note)
-        fields = {"run": self.run, "source": self.source, "prescribed": self.prescribed}
+        fields = {"run": self.run, "source": self.source, "prescribed": self.prescribed, "video": self.video}
         return Recording.from_columns(self.name, merged, notes=notes, **fields)
 
     @property

@@ -63,6 +63,7 @@ def resample(recording: Recording, dt: float) -> Recording:
         source=recording.source,
         notes=(*recording.notes, note),
         prescribed=recording.prescribed,
+        video=recording.video,
     )
 
 

@@ -116,11 +116,11 @@ def explain(
         start = keep.once("naming on a part of the data", begin)
         tell("naming on all data")
         selection = select(start.shooting, effects, start.nominal, start.sets, start.starts, tell, start.free)
-        for _ in range(_QUIETER):
-            less = quieter(start.shooting, selection.best, noise)
-            if less is None:
+        for number in range(_QUIETER):
+            other = quieter(start.shooting, selection.best, noise, last=number == _QUIETER - 1)
+            if other is None:
                 break
-            start, selection = _again(machine, numerics, start, selection, less, effects, tell)
+            start, selection = _again(machine, numerics, start, selection, other, effects, tell)
         return start, selection
 
     def finish() -> Explanation:
@@ -143,9 +143,9 @@ def _start(
     sets: Sets = []
     free: frozenset[tuple[str, str]] = frozenset()
     excess = nominal.chi2 - shooting.dof
-    if excess > 2 * _ENOUGH and segments.size > 8:
+    if excess > 2 * _ENOUGH and segments.size > _FEWEST:
         tell("naming on a part of the data")
-        part, which = shooting.subset(max(_ENOUGH / excess, 0.2, min(_FEWEST / segments.size, 1.0)))
+        part, which = shooting.subset(max(_ENOUGH / excess, 0.2, _FEWEST / segments.size))
         here = nominal.pick(which)
         rough = part.fit([((), ())], here.starts, design=here.design)[0]
         chosen = select(part, effects, rough, tell=tell, depth=Depth(rounds=1))
@@ -170,7 +170,7 @@ def _again(
     effects: Sequence[Effect],
     tell: Tell,
 ) -> tuple[_Start, Selection]:
-    """Names once more where what is left shows that the noise is less than it seemed; numerics are judged by it too."""
+    """Names once more where what is left shows that the noise is not what it seemed; numerics are judged by it too."""
     tell("naming with the noise seen behind the effects")
     segments, nominal, sets = start.shooting.segments, start.nominal, _leaders(selection)
     loud = start.shooting.noise.innovation.min() / noise.innovation.min()
@@ -228,7 +228,7 @@ def _polish(shooting: Shooting, selection: Selection) -> None:
 def _starts_of(fit: Fit, best: Fit) -> Sets:
     """A set with its own parameters, and with those of the best one for what they share or contain, where that differs.
 
-    So a law never ends worse than the simpler one that it contains.
+    So a law begins no worse than the simpler one that it contains, where the rest is shared.
     """
     found = dict(zip(best.effects, best.values, strict=True))
     shared = tuple(found.get(e, beginning(e, v, best)) for e, v in zip(fit.effects, fit.values, strict=True))

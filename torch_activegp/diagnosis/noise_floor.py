@@ -20,11 +20,10 @@ _COLOURED = 0.4
 _COMPLETE = 0.9
 _JITTER = 0.02
 _FINEST = 3e-5
-_VIDEO = 1 / 30
 _VIDEO_TIME = 0.6
 _VIDEO_ERROR = 4.0
-"""What is recorded below 30 Hz comes from video, whose errors (parallax, the lens, who marks a frame) last: frames of
-falling balls err by 0.1 to 0.15 m for half a second at a time, and by 0.03 m from one frame to the next."""
+"""The errors of a video (parallax, the lens, who marks a frame) last: frames of falling balls err by 0.1 to 0.15 m for
+half a second at a time, and by 0.03 m from one frame to the next."""
 _GROWS = 1.5
 """What a displacement of a prescribed joint becomes on its way through a segment, beyond what inertia makes of it."""
 
@@ -34,8 +33,8 @@ def noise_floor(runs: Sequence[Run]) -> NoiseModel:
 
     High differences measure white noise. A filter in the encoder makes noise whose differences are small though its
     level is not; it shows in the spectrum above the machine's motion, which is flat for white noise. Recordings
-    slower than 67 Hz leave no such band: their noise counts as white, and below 30 Hz as that of a video, which
-    lasts. Where the controls repeat and the motion has settled, noise is what differs from period to period, and
+    slower than 67 Hz leave no such band: their noise counts as white, unless they are said to be videos, whose errors
+    last. Where the controls repeat and the motion has settled, noise is what differs from period to period, and
     neither is asked. No floor is below 3e-5 of the motion: rigid bodies, and the arithmetic that simulates them,
     are no more exact than that. The noise of prescribed joints moves the others in a simulation, and comes on top
     of theirs.
@@ -64,9 +63,10 @@ def _own(runs: Sequence[Run], least: Array | float = 0.0) -> NoiseModel:
 
 
 def _video(runs: Sequence[Run], white: float) -> tuple[tuple[float, float], float] | None:
-    """Errors of a video that differ by so much from frame to frame; None for faster recorders."""
-    step = median_step(runs)
-    return ((float(np.exp(-step / _VIDEO_TIME)), 0.0), _VIDEO_ERROR * white) if step > _VIDEO else None
+    """Errors of a video that differ by so much from frame to frame; None where no run says that it is one."""
+    if not any(run.video for run in runs):
+        return None
+    return (float(np.exp(-median_step(runs) / _VIDEO_TIME)), 0.0), _VIDEO_ERROR * white
 
 
 def _carried(runs: Sequence[Run]) -> Array | float:

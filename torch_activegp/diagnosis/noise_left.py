@@ -13,30 +13,29 @@ from torch_activegp.diagnosis.shooting import Shooting
 
 _LESS = 0.9
 """Noise is taken anew where its variance falls to less than this part: floors are known to a few percent."""
-_OF_FOURTH = 70.0
-"""Variance of the fourth differences of white noise: 1 + 16 + 36 + 16 + 1."""
 _FAR_LESS = 0.25
-"""The same where what is left is no noise of any colour: a filter makes high differences small too."""
+"""The same where what is left is no noise of any colour, and the closest one stands in for a while."""
 _LEAST = 200
 """Fewer values of a channel say too little."""
 
 
-def quieter(shooting: Shooting, fit: Fit, loudest: NoiseModel | None = None) -> NoiseModel | None:
-    """Level and colour of what a fit leaves, for the channels where that is clearly less than the noise model says.
+def quieter(shooting: Shooting, fit: Fit, loudest: NoiseModel | None = None, last: bool = False) -> NoiseModel | None:
+    """Level and colour of what a fit leaves, for the channels where that is clearly not what the noise model says.
 
     A floor without a model cannot tell a filter's noise from a fast motion: under a tight loop that moves at 10 Hz,
     recorded at 100 Hz, it was ten times too high in variance, and hid what was weak. What any model leaves bounds the
     noise from above. It is never taken to be louder than the floor: what is left may be physics. Where it is that, and
-    no noise of any colour, its high differences say how loud the noise can be; behind the physics that is then found it
-    may be louder again.
+    no noise of any colour, and far less than was thought, the closest colour stands in: what was hidden shows, and the
+    noise is looked at again behind it.
 
     Args:
         shooting: the likelihood.
         fit: the best set.
         loudest: the floor; the noise of the likelihood where that was not changed.
+        last: whether nobody would look behind it again; then nothing stands in.
 
     Returns:
-        The noise, or None where no channel is quieter.
+        The noise, or None where it stays as it is in all channels.
     """
     predicted, _ = shooting.engine.predict(shooting.segments, fit.starts[None], [fit.candidate])
     offset = 0.0 if shooting.offset is None else shooting.offset
@@ -47,21 +46,21 @@ def quieter(shooting: Shooting, fit: Fit, loudest: NoiseModel | None = None) -> 
     old = shooting.noise
     scale, colour = old.scale.copy(), old.colour.copy()
     least = np.minimum(old.innovation, finest(shooting.segments.runs)) ** 2
-    most = (loudest or old).innovation ** 2
+    floor = loudest or old
+    most = floor.innovation**2
     freed = shooting.dof / max(shooting.samples, 1)
     found = False
     for channel, thought in enumerate(old.innovation**2):
         channel_left = _Left(residual[..., channel], usable, freed, float(least[channel]))
         poles = likeliest(channel_left.innovation, int(usable.sum()))
-        if not is_white([*channel_left.fresh(poles)]):
-            poles, new = (0.0, 0.0), channel_left.differences()
-            better = new < _FAR_LESS * thought
-        else:
-            new, before = channel_left.innovation(poles), channel_left.innovation(tuple(old.colour[channel])) / thought
+        new, before = channel_left.innovation(poles), channel_left.innovation(tuple(old.colour[channel])) / thought
+        if is_white([*channel_left.fresh(poles)]):
             gained = usable.sum() * (np.log(thought / new) + before - 1.0)
-            again = thought < most[channel]
-            fits = new < most[channel] if again else before <= 1.0 and new < _LESS * thought
+            under = channel_left.innovation(tuple(floor.colour[channel])) <= most[channel]
+            fits = under and (thought < most[channel] or (before <= 1.0 and new < _LESS * thought))
             better = fits and not _LESS < new / thought < 1.0 / _LESS and gained > SEEN
+        else:
+            better = not last and new < _FAR_LESS * thought
         if better:
             found = True
             scale[channel], colour[channel] = np.sqrt(new) / colour_scale(poles), poles
@@ -89,9 +88,3 @@ class _Left:
     def innovation(self, poles: tuple[float, float]) -> float:
         """Variance of what is new."""
         return max(float((self.fresh(poles) ** 2).sum() / self._usable.sum()) / self._freed, self._least, 1e-300)
-
-    def differences(self) -> float:
-        """Variance of white noise with the fourth differences, which hardly see what is slow."""
-        whole = self._usable[:, 2:] & self._usable[:, :-2]
-        fourth = np.diff(self._series, 4, axis=1)[whole]
-        return max(float(np.mean(fourth**2)) / _OF_FOURTH, self._least) if len(fourth) >= _LEAST else np.inf

@@ -210,15 +210,18 @@ def late_elsewhere(best: Fit, effects: Sequence[Effect]) -> list[Set]:
     out: list[Set] = []
     for late, value in pairs:
         for other in effects:
-            if {late.name, other.name} in _LATE and _drives(late) == _drives(other):
+            if {late.name, other.name} in _LATE and _moves_the_same(late, other):
                 others = [(e, v) for e, v in pairs if e is not late and e.key != other.key]
                 out.append(_set([*others, (other, value)]))
     return out
 
 
-def _drives(effect: Effect) -> str:
-    """The joint that an actuator moves or an encoder reads."""
-    return effect.drives if isinstance(effect, ActuatorEffect) else f"joint:{effect.item}"
+def _moves_the_same(one: Effect, other: Effect) -> bool:
+    """Whether two effects are of one actuator, or of an actuator and the encoder of the joint that it moves."""
+    drive, read = (one, other) if isinstance(one, ActuatorEffect) else (other, one)
+    if not isinstance(drive, ActuatorEffect) or isinstance(read, ActuatorEffect):
+        return one.target == other.target
+    return drive.drives == f"joint:{read.item}"
 
 
 def _set(pairs: Sequence[tuple[Effect, Array]]) -> Set:

@@ -91,10 +91,6 @@ class Spread:
     farthest: str
 
 
-WORSE = 10.0
-"""An effect that raises the chi2 of a recording by more makes its forecast worse."""
-
-
 @dataclasses.dataclass(frozen=True)
 class EffectStability:
     """What becomes of one effect when recordings are left out.
@@ -108,6 +104,8 @@ class EffectStability:
         parameters: by name, over the fits that say something about the effect; empty where there is none.
         fails_without: recordings that can be simulated with the effect, fitted to the others, and not without it.
         fails_with: recordings that can be simulated without it alone.
+        refuted: whether it makes the forecasts of recordings left out worse, one of them clearly and all together by
+            much of what it gains on the recordings that it was fitted to.
     """
 
     name: str
@@ -117,17 +115,12 @@ class EffectStability:
     parameters: Mapping[str, Spread]
     fails_without: tuple[str, ...] = ()
     fails_with: tuple[str, ...] = ()
+    refuted: bool = False
 
     @property
     def improved(self) -> int:
         """The number of recordings that the effect, fitted to the others, forecasts better."""
         return sum(gain is not None and gain > 0.0 for gain in self.gains) + len(self.fails_without)
-
-    @property
-    def refuted(self) -> bool:
-        """Whether it makes the forecasts of recordings left out worse, one of them clearly and all of them together."""
-        known = [gain for gain in self.gains if gain is not None]
-        return not self.fails_without and min(known, default=0.0) < -WORSE and sum(known) < 0.0
 
 
 @dataclasses.dataclass(frozen=True)
@@ -152,6 +145,8 @@ class Stability:
     def to_dict(self) -> dict[str, Any]:
         """The entry of ``diagnosis.json``."""
         plain = dataclasses.asdict(self)
+        for effect in plain["effects"]:
+            del effect["refuted"]  # such an effect is not named
         return {**plain, "left_out": list(self.left_out), "effects": [_listed(e) for e in plain["effects"]]}
 
 

@@ -100,6 +100,7 @@ class Run:
         noise: white-noise floor of each channel from differences, ``(C,)``.
         prescribed: the same of the P prescribed joints; None where they stay where a simulation starts.
         coupling: how far a displacement of one of them moves each channel, ``(C, P)``.
+        video: whether the errors of the positions last, as those of a video do.
     """
 
     label: str
@@ -113,6 +114,7 @@ class Run:
     noise: Array
     prescribed: Run | None = None
     coupling: Array | None = None
+    video: bool = False
 
     @property
     def dt(self) -> Array:
@@ -184,6 +186,7 @@ def _laid(recording: Recording, model: mujoco.MjModel, channels: Channels, smoot
         control=control[held[:-1]],
         force=force[held[:-1]],
         noise=noise,
+        video=recording.video,
     )
 
 

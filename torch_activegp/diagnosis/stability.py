@@ -13,7 +13,7 @@ from torch_activegp.diagnosis.fit import Fit
 from torch_activegp.diagnosis.intervals import standard_errors
 from torch_activegp.diagnosis.judge import Judgement
 from torch_activegp.diagnosis.refit import Refits, refit
-from torch_activegp.diagnosis.result import WORSE, EffectStability, Spread, Stability
+from torch_activegp.diagnosis.result import EffectStability, Spread, Stability
 from torch_activegp.diagnosis.score import Score
 from torch_activegp.diagnosis.segments import Segments
 from torch_activegp.diagnosis.shooting import Shooting
@@ -23,8 +23,11 @@ _MOST = 12
 """Beyond so many recordings, neighbours are left out together."""
 _FAR = 2.5
 """A shift by more standard errors is worth a warning."""
-_WORSE = 0.01
-"""So is an effect that raises the chi2 of a recording clearly and by more than this part of what it gains on others."""
+_CLEARLY_WORSE = 10.0
+_OF_THE_OTHERS = 0.01
+"""So is an effect that raises the chi2 of a recording by more than this and this part of what it gains on others."""
+_OF_ITS_GAIN = 0.1
+"""An effect is refuted where it makes forecasts worse by so much of what it gains on what it was fitted to."""
 
 
 def stability(shooting: Shooting, selection: Selection, judgement: Judgement) -> Stability | None:
@@ -91,7 +94,19 @@ def _effect(
         _spreads(shooting, fit, effect, whole.values, [(i, label) for i, label in enumerate(labels) if not rests[i]]),
         without_it,
         with_it,
+        not without_it and is_refuted(gains, float(inside.max())),
     )
+
+
+def is_refuted(gains: Sequence[float | None], gain: float) -> bool:
+    """Whether forecasts of recordings left out refute an effect.
+
+    Args:
+        gains: by how much it lowers the chi2 of each, where the others say something about it.
+        gain: the same of the recordings that it was fitted to.
+    """
+    known = [each for each in gains if each is not None]
+    return min(known, default=0.0) < -_CLEARLY_WORSE and sum(known) < -_OF_ITS_GAIN * gain
 
 
 def _price(score: Score, part: Shooting, effect: Effect) -> float:
@@ -134,7 +149,7 @@ def _warnings(effect: EffectStability, labels: Sequence[str]) -> list[str]:
         out.append(f"{name} rests on {effect.rests_on[0]} alone: the rest is not enough to name it")
     elif effect.rests_on:
         out.append(f"the evidence for {name} is just enough: it needs each of {'; '.join(effect.rests_on)}")
-    least = -WORSE - _WORSE * sum(max(gain or 0.0, 0.0) for gain in effect.gains)
+    least = -_CLEARLY_WORSE - _OF_THE_OTHERS * sum(max(gain or 0.0, 0.0) for gain in effect.gains)
     worse = [label for label, gain in zip(labels, effect.gains, strict=True) if gain is not None and gain < least]
     worse += effect.fails_with
     if worse:

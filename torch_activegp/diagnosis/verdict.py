@@ -18,16 +18,16 @@ class Verdict(NamedTuple):
     Args:
         judgement: the verdict.
         stability: what becomes of its names when each recording is left out; None where nothing is named.
-        selection: the sets that it was chosen from.
+        notes: names that were given up, in sentences.
     """
 
     judgement: Judgement
     stability: Stability | None
-    selection: Selection
+    notes: tuple[str, ...]
 
 
 def decide(shooting: Shooting, selection: Selection) -> Verdict:
-    """Judges, and judges again without the sets of a name that leaving recordings out refutes.
+    """Judges, and judges again without the sets of a name that leaving recordings out refutes, one name at a time.
 
     A score on all data takes noise for independent. Where it is not (a coarse encoder at slow motion), some law of many
     shapes may explain a little of it; such a law makes the forecasts of recordings left out worse.
@@ -36,12 +36,19 @@ def decide(shooting: Shooting, selection: Selection) -> Verdict:
         shooting: the likelihood.
         selection: the compared sets.
     """
+    notes: list[str] = []
     while True:
         judgement = judge(shooting, selection)
         found = stability(shooting, selection, judgement)
-        refuted = {(e.name, e.target) for e in (found.effects if found is not None else ()) if e.refuted}
+        refuted = [effect for effect in (found.effects if found is not None else ()) if effect.refuted]
         if not refuted:
-            return Verdict(judgement, found, selection)
-        fits = [fit for fit in selection.fits if not fit.keys & refuted]
-        selection = dataclasses.replace(selection, fits=fits)
+            return Verdict(judgement, found, tuple(notes))
+        worst = min(refuted, key=lambda effect: sum(gain or 0.0 for gain in effect.gains))
+        notes.append(
+            f"{worst.name} at {worst.target} would fit these recordings better, but by chance: fitted to the others, "
+            "it makes the forecasts of recordings left out worse. It is not named."
+        )
+        fits = [fit for fit in selection.fits if (worst.name, worst.target) not in fit.keys]
+        score = dataclasses.replace(selection.score, free=frozenset())
+        selection = dataclasses.replace(selection, fits=fits, score=score)
         selection.rescale(shooting.dof)
