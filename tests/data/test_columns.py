@@ -67,6 +67,12 @@ def test_a_map_says_which_joints_are_prescribed() -> None:
     assert ColumnMap.from_mapping({"qpos.a": "x"}).prescribed == ColumnMap().prescribed == ()
 
 
+def test_a_map_says_that_positions_come_from_a_video() -> None:
+    columns = ColumnMap.from_mapping({"video": True})
+    assert (columns.video, columns.rules) == (True, {})
+    assert not ColumnMap.from_mapping({"qpos.a": "x"}).video
+
+
 def test_the_flat_and_the_nested_form_are_one() -> None:
     nested = ColumnMap.from_mapping({"qpos": {"a": {"unit": "deg"}}, "ctrl": {"m": "u"}})
     flat = ColumnMap.from_mapping({"qpos.a": {"unit": "deg"}, "ctrl.m": "u"})
@@ -110,6 +116,7 @@ def test_numbers_name_runs(run: list, names: list[str]) -> None:
             r'map.toml: `prescribed` wants names of joints, such as \["turntable"\], found \'arm\'',
         ),
         ({"prescribed": [1]}, "`prescribed` wants names of joints"),
+        ({"video": "yes"}, "map.toml: `video` wants true or false, found 'yes'"),
     ],
 )
 def test_a_bad_map_is_refused(mapping: dict, message: str) -> None:

@@ -95,6 +95,8 @@ def test_the_map_says_what_is_prescribed_in_every_part_of_a_run(tmp_path: Path) 
     toml = tmp_path / "map.toml"
     toml.write_text('prescribed = ["y"]\n', encoding="utf-8")
     assert [recording.prescribed for recording in load_recordings(path, toml)] == [("y",), ("y",)]
+    toml.write_text("video = true\n", encoding="utf-8")
+    assert [recording.video for recording in load_recordings(path, toml)] == [True, True]
     toml.write_text('prescribed = ["z"]\n', encoding="utf-8")
     with pytest.raises(DataError, match="a.csv \\(run 1\\): no column `qpos.z`, and `z` is said to be prescribed"):
         load_recordings(path, toml)

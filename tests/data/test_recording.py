@@ -52,9 +52,10 @@ def test_what_it_says_of_itself(recording: Recording) -> None:
 
 def test_prescribed_joints_are_kept_and_said(recording: Recording) -> None:
     columns = {name: recording[name] for name in recording.columns}
-    given = Recording.from_columns("a.csv", columns, prescribed=("slide",))
+    given = Recording.from_columns("a.csv", columns, prescribed=("slide",), video=True)
     assert str(given).endswith("; no velocity of arm.elbow; prescribed: slide")
-    assert given.replace({"ctrl.motor": torch.zeros(50)}).prescribed == ("slide",)
+    replaced = given.replace({"ctrl.motor": torch.zeros(50)})
+    assert (replaced.prescribed, replaced.video) == (("slide",), True)
     with pytest.raises(
         DataError, match=r"a\.csv: no column `qpos\.knee`, and `knee` is said to be prescribed; found time"
     ):

@@ -16,7 +16,7 @@ def ramp(time: torch.Tensor, ctrl: torch.Tensor) -> Recording:
         "ctrl.u": ctrl,
         "qfrc.x": -ctrl,
     }
-    return Recording.from_columns("a", columns, run="r", notes=("first",), prescribed=("x",))
+    return Recording.from_columns("a", columns, run="r", notes=("first",), prescribed=("x",), video=True)
 
 
 def test_a_multiple_of_the_step_keeps_rows_and_averages_controls(generator: torch.Generator) -> None:
@@ -30,7 +30,7 @@ def test_a_multiple_of_the_step_keeps_rows_and_averages_controls(generator: torc
     torch.testing.assert_close(coarse["ctrl.u"][10], (ctrl[100] + ctrl[101] + 8 * ctrl[102]) / 10)
     torch.testing.assert_close(coarse["qfrc.x"], -coarse["ctrl.u"])
     assert (coarse.run, coarse.notes) == ("r", ("first", "Resampled from 0.001 s to 0.01 s."))
-    assert coarse.prescribed == ("x",)
+    assert (coarse.prescribed, coarse.video) == (("x",), True)
 
 
 def test_the_impulse_of_a_control_is_kept_on_an_irregular_clock(generator: torch.Generator) -> None:

@@ -46,13 +46,12 @@ def test_richer_laws_start_as_the_law_that_they_contain(bench) -> None:
 
 def test_a_law_begins_as_what_it_contains_or_as_it_was(bench) -> None:
     """Stribeck's friction without an excess, at its own width; two equal levels; a spring contains no friction."""
-    fit = bench.fit("coulomb_friction", 0.01)
-    (level,) = fit.values[0]
+    level, pairs = 0.01, [(bench.effect("coulomb_friction"), np.array([0.01]))]
     stribeck, spring = bench.effect("stribeck_friction"), bench.effect("linear_spring")
     two = next(e for e in bench.effects if e.name == "asymmetric_friction" and e.covers == ("coulomb_friction",))
-    np.testing.assert_array_equal(beginning(stribeck, np.array([0.2, 0.4, 0.3]), fit), [level, 0.0, 0.3])
-    np.testing.assert_array_equal(beginning(two, np.array([0.2, 0.4]), fit), [level, level])
-    np.testing.assert_array_equal(beginning(spring, np.array([0.2]), fit), [0.2])
+    np.testing.assert_array_equal(beginning(stribeck, np.array([0.2, 0.4, 0.3]), pairs), [level, 0.0, 0.3])
+    np.testing.assert_array_equal(beginning(two, np.array([0.2, 0.4]), pairs), [level, level])
+    np.testing.assert_array_equal(beginning(spring, np.array([0.2]), pairs), [0.2])
 
 
 def test_no_more_than_two_of_a_kind(bench) -> None:

@@ -117,19 +117,19 @@ def richer(fit: Fit, effects: Sequence[Effect]) -> list[Set]:
                 continue
             others = [(e, v) for i, (e, v) in enumerate(zip(fit.effects, fit.values, strict=True)) if i != k]
             for seed in effect.seeds:
-                value = beginning(effect, seed, fit)
+                value = beginning(effect, seed, [(old, fit.values[k])])
                 if effect.name == "stribeck_friction":
                     value[1] = _START * abs(value[0])
                 out.append(((*(e for e, _ in others), effect), (*(v for _, v in others), value)))
     return out
 
 
-def beginning(effect: Effect, value: Array, fit: Fit) -> Array:
-    """Parameters of a law with which it is the simpler one that a fit has in its place, or its own where there is none.
+def beginning(effect: Effect, value: Array, pairs: Iterable[tuple[Effect, Array]]) -> Array:
+    """Parameters of a law with which it is the simpler one among some in its place, or its own where there is none.
 
     What shapes it (:attr:`Effect.linear`) stays.
     """
-    for old, there in zip(fit.effects, fit.values, strict=True):
+    for old, there in pairs:
         if old.target == effect.target and old.name in effect.covers and old.linear == 1:
             shape = np.where(np.arange(len(value)) < effect.linear, 0.0, value)
             return shape + _part(effect, float(there[0]))
