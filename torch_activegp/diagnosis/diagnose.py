@@ -82,7 +82,7 @@ def diagnose(
     if checkpoint is not None:
         checkpoint.open(fingerprint(source, machine, tried, seed))
     explanation = explain(machine, tried, nthread, lambda words: say(words, None), checkpoint)
-    say("weighing the evidence, and leaving out one recording at a time", 0.7)
+    say("weighing the evidence", 0.7)
     verdict = decide(explanation.shooting, explanation.selection)
     return _report(source, machine, explanation, verdict, seed, say)
 
