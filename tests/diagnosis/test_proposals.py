@@ -199,6 +199,14 @@ def test_a_late_drive_may_be_a_late_encoder_or_late_in_another_way(bench, late, 
     assert late_elsewhere(alone, bench.effects) == []
 
 
+def test_two_drives_of_one_joint_are_not_late_for_each_other(bench) -> None:
+    delay, lag = (bench.effect(name, "actuator:drive") for name in ("actuator_delay", "actuator_lag"))
+    other = dataclasses.replace(lag, target="actuator:other")
+    assert other.drives == delay.drives
+    fit = SimpleNamespace(effects=(delay,), values=(np.array([0.004]),))
+    assert [effects for effects, _ in late_elsewhere(fit, [lag, other])] == [(lag,)]
+
+
 def test_two_levels_are_one_and_a_bias_that_is_no_name(bench) -> None:
     """Where the drive's bias was tuned; else it costs a name, as the constant force does that says the same."""
     rich = next(e for e in bench.effects if e.name == "asymmetric_friction" and "coulomb_friction" in e.covers)

@@ -35,8 +35,12 @@ def test_a_refuted_name_makes_way_for_the_next_best_set(bench, selection, monkey
         return Stability(("a", "b"), tuple(effects), "said", True)
 
     monkeypatch.setattr("torch_activegp.diagnosis.verdict.stability", said)
-    selection.score = dataclasses.replace(selection.score, free=frozenset({("coulomb_friction", "joint:hip")}))
+    plain, (nominal, _, dry) = selection.score, selection.fits
+    selection.score = dataclasses.replace(plain, free=frozenset({("coulomb_friction", "joint:hip")}))
     judgement, _, notes = decide(bench.shooting, selection)
     assert judgement.fit.keys == {("coulomb_friction", "joint:hip")}
     assert [words.split(" would")[0] for words in notes] == ["viscous_friction at joint:hip"]
     assert len(selection.fits) == 3  # the caller's own are left alone
+    left = Selection(nominal, [nominal, dry], plain)
+    left.rescale(bench.shooting.dof)
+    assert judgement.rivals[1][1] == pytest.approx(left.score(nominal) - left.score(dry))  # dry friction costs its name

@@ -218,10 +218,13 @@ def late_elsewhere(best: Fit, effects: Sequence[Effect]) -> list[Set]:
 
 def _moves_the_same(one: Effect, other: Effect) -> bool:
     """Whether two effects are of one actuator, or of an actuator and the encoder of the joint that it moves."""
-    drive, read = (one, other) if isinstance(one, ActuatorEffect) else (other, one)
-    if not isinstance(drive, ActuatorEffect) or isinstance(read, ActuatorEffect):
-        return one.target == other.target
-    return drive.drives == f"joint:{read.item}"
+    return one.target == other.target or _drives(one, other) or _drives(other, one)
+
+
+def _drives(drive: Effect, read: Effect) -> bool:
+    """Whether the first is of an actuator that moves the joint of the second, which is of no actuator."""
+    of_two = isinstance(read, ActuatorEffect)
+    return isinstance(drive, ActuatorEffect) and not of_two and drive.drives == f"joint:{read.item}"
 
 
 def _set(pairs: Sequence[tuple[Effect, Array]]) -> Set:
