@@ -11,6 +11,7 @@ from scipy import stats
 from torch_activegp.diagnosis.compared import Selection, fitted
 from torch_activegp.diagnosis.elimination import eliminate
 from torch_activegp.diagnosis.fit import Fit
+from torch_activegp.diagnosis.noise_left import is_filtered
 from torch_activegp.diagnosis.proposals import TWO_SIDED
 from torch_activegp.diagnosis.reference import free_force_columns
 from torch_activegp.diagnosis.selection import MAX_EFFECTS
@@ -40,6 +41,8 @@ UNSEEN = 1 / 67
 VISIBLE_UNSEEN = 5.0
 """The same for recordings below 67 Hz: whether an encoder filters its noise cannot be seen there, and behind a filter
 of one pole at 0.7 fourth differences show a fifth of the variance."""
+FILTERED = 0.3
+"""Such a filter leaves less of a mismatch than this behind a set that explains it."""
 SLOW = 1 / 30
 VISIBLE_WHEN_SLOW = 12.0
 """The same for recordings below 30 Hz, as from video: their differences hardly show slow errors of the recorder."""
@@ -124,7 +127,8 @@ def judge(shooting: Shooting, selection: Selection) -> Judgement:
         return Judgement(verdict, best, (), (), (), (), (), share, verdict == "none", before.p_value, rivals)
     after = omnibus(shooting, best)
     unexplained = after.excess / max(after.excess + gain, 1e-300)
-    white = after.p_value > SURE
+    filtered = _unseen_filter(shooting, best, unexplained)
+    white = after.p_value > SURE or filtered
     named, retuned = _split(shooting, selection, rivals)
     order, shares = _shares(shooting, selection, named, 1.0 - unexplained)
     score = selection.score
@@ -137,7 +141,7 @@ def judge(shooting: Shooting, selection: Selection) -> Judgement:
     p_value = min(before.p_value, float(stats.chi2.sf(gain / score.scale, best.size)) * score.names)
     crowded = len(order) > MAX_EFFECTS or (len(order) == MAX_EFFECTS and unexplained > CROWDED)
     most = SEEN if _visible(shooting, after) else INADEQUATE
-    if after.p_value < DOUBT and (unexplained > most or crowded):
+    if after.p_value < DOUBT and (crowded or (unexplained > most and not filtered)):
         verdict = "unknown" if crowded or _visible(shooting, before) else "none"
     else:
         verdict = "tie" if any(ties) else "named"
@@ -153,6 +157,12 @@ def _visible(shooting: Shooting, left: Omnibus) -> bool:
     if step > UNSEEN:
         least = VISIBLE_WHEN_SLOW if step > SLOW else max(least, VISIBLE_UNSEEN)
     return left.p_value < SURE and left.excess > least * shooting.dof
+
+
+def _unseen_filter(shooting: Shooting, best: Fit, unexplained: float) -> bool:
+    """Whether a set explains most, and leaves noise behind a filter that recordings so slow do not show before."""
+    slow = float(np.median(shooting.segments.dt)) > UNSEEN
+    return slow and unexplained < FILTERED and is_filtered(shooting, best)
 
 
 def _rivals(selection: Selection) -> tuple[tuple[Fit, float, float], ...]:

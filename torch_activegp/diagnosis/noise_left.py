@@ -37,25 +37,17 @@ def quieter(shooting: Shooting, fit: Fit, loudest: NoiseModel | None = None, las
     Returns:
         The noise, or None where it stays as it is in all channels.
     """
-    predicted, _ = shooting.engine.predict(shooting.segments, fit.starts[None], [fit.candidate])
-    offset = 0.0 if shooting.offset is None else shooting.offset
-    residual, counts = shooting.segments.position - offset - predicted[0], shooting.segments.counts
-    usable = np.asarray(counts[:, 2:] & counts[:, 1:-1] & counts[:, :-2])
-    if usable.sum() < _LEAST or not np.isfinite(residual[counts]).all():
-        return None
     old = shooting.noise
     scale, colour = old.scale.copy(), old.colour.copy()
-    least = np.minimum(old.innovation, finest(shooting.segments.runs)) ** 2
     floor = loudest or old
     most = floor.innovation**2
-    freed = shooting.dof / max(shooting.samples, 1)
     found = False
-    for channel, thought in enumerate(old.innovation**2):
-        channel_left = _Left(residual[..., channel], usable, freed, float(least[channel]))
-        poles = likeliest(channel_left.innovation, int(usable.sum()))
+    for channel, channel_left in enumerate(_left(shooting, fit)):
+        thought, count = float(old.innovation[channel] ** 2), channel_left.count
+        poles = channel_left.colour()
         new, before = channel_left.innovation(poles), channel_left.innovation(tuple(old.colour[channel])) / thought
         if is_white([*channel_left.fresh(poles)]):
-            gained = usable.sum() * (np.log(thought / new) + before - 1.0)
+            gained = count * (np.log(thought / new) + before - 1.0)
             under = channel_left.innovation(tuple(floor.colour[channel])) <= most[channel]
             fits = under and (thought < most[channel] or (before <= 1.0 and new < _LESS * thought))
             better = fits and not _LESS < new / thought < 1.0 / _LESS and gained > SEEN
@@ -65,6 +57,25 @@ def quieter(shooting: Shooting, fit: Fit, loudest: NoiseModel | None = None, las
             found = True
             scale[channel], colour[channel] = np.sqrt(new) / colour_scale(poles), poles
     return NoiseModel(scale, colour) if found else None
+
+
+def is_filtered(shooting: Shooting, fit: Fit) -> bool:
+    """Whether what a fit leaves is, in every channel, white noise or such noise behind the filter of an encoder."""
+    left = _left(shooting, fit)
+    return bool(left) and all(is_white([*channel.fresh(channel.colour())]) for channel in left)
+
+
+def _left(shooting: Shooting, fit: Fit) -> list[_Left]:
+    """What is left of each channel; none where too little is known of it."""
+    predicted, _ = shooting.engine.predict(shooting.segments, fit.starts[None], [fit.candidate])
+    offset = 0.0 if shooting.offset is None else shooting.offset
+    residual, counts = shooting.segments.position - offset - predicted[0], shooting.segments.counts
+    usable = np.asarray(counts[:, 2:] & counts[:, 1:-1] & counts[:, :-2])
+    if usable.sum() < _LEAST or not np.isfinite(residual[counts]).all():
+        return []
+    least = np.minimum(shooting.noise.innovation, finest(shooting.segments.runs)) ** 2
+    freed = shooting.dof / max(shooting.samples, 1)
+    return [_Left(residual[..., c], usable, freed, float(each)) for c, each in enumerate(least)]
 
 
 class _Left:
@@ -79,6 +90,15 @@ class _Left:
 
     def __init__(self, series: Array, usable: NDArray[np.bool_], freed: float, least: float) -> None:
         self._series, self._usable, self._freed, self._least = series, usable, freed, least
+
+    @property
+    def count(self) -> int:
+        """How many values follow two others."""
+        return int(self._usable.sum())
+
+    def colour(self) -> tuple[float, float]:
+        """The likeliest colour."""
+        return likeliest(self.innovation, self.count)
 
     def fresh(self, poles: tuple[float, float]) -> Array:
         """What is new in each value, zero where it is not known, ``(S, K - 1)``."""
