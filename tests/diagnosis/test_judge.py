@@ -152,13 +152,15 @@ def test_more_must_be_left_without_a_name_where_a_filter_of_the_noise_cannot_be_
 def test_noise_behind_a_filter_that_slow_recordings_do_not_show_is_no_mismatch(
     bench, monkeypatch, slow: float, pole: float, verdict: str
 ) -> None:
-    """The same error once as a filter's noise, once in steps that no filter makes, where 100 Hz are slow or not."""
+    """The same error once as a filter's noise, once as an oscillation that no filter makes, where 100 Hz are slow or not."""
     fit = bench.fit("viscous_friction", 0.05)
     exact = bench.engine.predict(bench.segments, fit.starts[None], [fit.candidate])[0][0]
     rng = np.random.default_rng(2)
     fresh = rng.normal(size=exact.shape)
-    error = lfilter([1.0], [1.0, -pole], fresh, axis=1) if pole else np.repeat(fresh[:, ::10], 10, axis=1)
-    error = error[:, : exact.shape[1]] / error.std()
+    error = lfilter([1.0], [1.0, -pole], fresh, axis=1)
+    if not pole:
+        error = 0.1 * fresh + np.sin(2 * np.pi * 0.06 * np.arange(exact.shape[1]))[:, None]
+    error /= error.std()
     segments = dataclasses.replace(bench.segments, position=exact + 1e-3 * error)
     shooting = dataclasses.replace(bench.shooting, segments=segments, noise=NoiseModel.white(np.array([4e-4])))
     monkeypatch.setattr("torch_activegp.diagnosis.judge.UNSEEN", 1 / (100 * slow))
