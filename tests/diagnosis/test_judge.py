@@ -152,7 +152,7 @@ def test_more_must_be_left_without_a_name_where_a_filter_of_the_noise_cannot_be_
 def test_noise_behind_a_filter_that_slow_recordings_do_not_show_is_no_mismatch(
     bench, monkeypatch, slow: float, pole: float, verdict: str
 ) -> None:
-    """The same error once as a filter's noise, once as an oscillation that no filter makes, where 100 Hz are slow or not."""
+    """An error as a filter makes it, and an oscillation that none makes, where 100 Hz are slow or not."""
     fit = bench.fit("viscous_friction", 0.05)
     exact = bench.engine.predict(bench.segments, fit.starts[None], [fit.candidate])[0][0]
     rng = np.random.default_rng(2)
