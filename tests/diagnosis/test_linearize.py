@@ -61,3 +61,11 @@ def test_effects_of_the_fit_are_in_the_transition(bench, linear) -> None:
     damped = dataclasses.replace(bench.nominal, effects=(bench.effect("viscous_friction"),), values=(np.array([0.5]),))
     faster = linear.transition[:, :, 1, 1] - linearize(bench.shooting, damped).transition[:, :, 1, 1]
     assert np.median(faster) == pytest.approx(0.5 / 0.33 * 0.01, rel=0.05)
+
+
+def test_the_pull_is_the_transpose_of_the_response_to_a_force(linear) -> None:
+    rng = np.random.default_rng(2)
+    force = rng.normal(size=linear.force.shape[:2])
+    gradient = rng.normal(size=(len(force), force.shape[1] + 1, 1))
+    moved = linear.respond_to_force(0, force[..., None])[..., 0]
+    assert (force * linear.pull(gradient)[..., 0]).sum() == pytest.approx((moved * gradient).sum(), rel=1e-9)

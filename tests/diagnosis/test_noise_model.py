@@ -66,3 +66,16 @@ def test_every_colour_of_the_family_is_stationary() -> None:
         assert (np.abs(np.roots([1.0, -first, -second])) < 1.0).all()
         assert NoiseModel(np.ones(1), np.array([[first, second]])).innovation[0] > 1e-3
     assert colour_family()[0] == (0.0, 0.0)
+
+
+@pytest.mark.parametrize("poles", [(0.0, 0.0), (0.7, 0.0), (1.4, -0.49)])
+def test_unwhitening_is_the_transpose_of_whitening(make_plain_run, poles) -> None:
+    recorded = np.ones(60, dtype=bool)
+    recorded[20:23] = False
+    segments = cut([make_plain_run(np.zeros(60), recorded)], 0.3, 0.1)
+    model = NoiseModel(np.array([0.5]), np.array([poles]))
+    rng = np.random.default_rng(1)
+    residual = rng.normal(size=segments.position.shape)
+    white = rng.normal(size=model.whiten(segments, residual).shape)
+    along = (model.whiten(segments, residual) * white).sum()
+    assert (residual * model.unwhiten(segments, white)).sum() == pytest.approx(along, rel=1e-12)

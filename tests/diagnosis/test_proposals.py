@@ -18,7 +18,7 @@ from torch_activegp.diagnosis.proposals import (
     with_values,
     without_weak,
 )
-from torch_activegp.diagnosis.screening import screen
+from torch_activegp.diagnosis.screening import Atom, screen
 
 
 def test_a_law_takes_over_what_a_simpler_one_explains(bench) -> None:
@@ -217,3 +217,16 @@ def test_two_levels_are_one_and_a_bias_that_is_no_name(bench) -> None:
     assert effects == (dry, bias)
     np.testing.assert_allclose(np.concatenate(values), [0.2, 0.1])
     assert frozenset({dry, bias}) not in {frozenset(e) for e, _ in simpler(fit, bench.effects, {}, 1040.0)}
+
+
+def test_cogging_that_comes_once_more_is_one_effect_of_two_waves(bench) -> None:
+    wave = bench.effect("cogging")
+    fit = bench.fit("cogging", 0.01, 0.0, 3.0)
+    atom = Atom(wave, np.array([0.02, 0.03, 7.0]), 10.0, slice(0, 2), wave.seeds[0])
+    (effect,), (values,) = join(fit, [atom])
+    assert effect is wave.more
+    assert values[2:4].tolist() == [0.02, 0.03]
+    assert values[-2:] == pytest.approx([fit.values[0][2], 7.0])
+    (third,), (more,) = join(dataclasses.replace(fit, effects=(effect,), values=(values,)), [atom])
+    assert third is effect.more and len(more) == 9
+    assert third.more is None

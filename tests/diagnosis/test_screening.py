@@ -73,3 +73,18 @@ def test_an_effect_of_the_wrong_sign_gains_nothing(clean) -> None:
     seen = dataclasses.replace(clean.segments, position=still - changed)
     (atom,) = screen(dataclasses.replace(clean.shooting, segments=seen), clean.nominal, [effect]).best()
     assert (atom.gain, atom.values[0]) == (0.0, 0.0)
+
+
+@pytest.mark.parametrize("periods", [20.0, 30.0, 42.0])
+def test_a_wave_that_no_list_of_numbers_holds_is_found(clean, periods: float) -> None:
+    """The recording itself shows how many periods there are: no seed of the list is near."""
+    effect = clean.effect("cogging")
+    amount = np.array([0.4, 0.2, periods])
+    position = clean.predict(Candidate((effect,), (amount,))) + 1e-5 * np.random.default_rng(0).normal(
+        size=clean.segments.position.shape
+    )
+    seen = dataclasses.replace(clean.segments, position=position)
+    (atom,) = screen(dataclasses.replace(clean.shooting, segments=seen), clean.nominal, [effect]).best()
+    assert atom.values[2] == pytest.approx(periods, abs=0.8)
+    assert np.abs(effect.seeds[:, 2] - periods).min() >= 4.0
+    assert np.hypot(*atom.values[:2]) == pytest.approx(np.hypot(0.4, 0.2), rel=0.4)

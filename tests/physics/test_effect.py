@@ -53,3 +53,10 @@ def test_elements_are_found_by_name_or_number(bench: Any) -> None:
     assert element(spec, spec.joints, "joint:elbow").name == "elbow"
     assert element(spec, spec.joints, "joint:joint0").damping[0] == 0.05
     assert element(spec, spec.bodies, "body:fore").name == "fore"
+
+
+@pytest.mark.parametrize(("place", "value", "step"), [(False, 8.0, 0.4), (False, 0.0, 0.005), (True, 8.0, 0.02)])
+def test_a_small_change_goes_by_the_size_or_for_a_place_by_the_scale(place: bool, value: float, step: float) -> None:
+    parameter = Parameter("periods", "1/turn", 0.1, high=8.01 if place else np.inf, place=place)
+    assert abs(parameter.step(value)) == pytest.approx(step)
+    assert (parameter.step(value) < 0) == place  # beyond the largest value

@@ -6,10 +6,10 @@ from typing import Any
 import numpy as np
 import pytest
 
+from torch_activegp.physics.cogging import Cogging
 from torch_activegp.physics.springs import (
     POSITION_FORCES,
     CenteredSpring,
-    Cogging,
     ConstantForce,
     CubicSpring,
     LinearSpring,
@@ -64,14 +64,6 @@ def test_the_force_pulls_back(bench: Any, kind: Any, values: Any) -> None:
     assert (np.diff(force) <= 0.0).all()
 
 
-def test_cogging_does_no_net_work_in_a_turn(bench: Any) -> None:
-    cogging, values = Cogging.at(bench.shoulder, bench.model), np.array([0.3, 0.2, 7.0])
-    turn = np.linspace(0.0, 2 * np.pi, 1000, endpoint=False)
-    around = cogging.force(turn, 0.0 * turn, values)
-    assert abs(around.mean()) < 1e-12
-    assert np.abs(around).max() == pytest.approx(cogging.describe(values)["amplitude"], rel=1e-3)
-
-
 def test_a_spring_adds_to_the_models_own(bench: Any) -> None:
     xml = bench.xml.replace('damping="0.05"', 'damping="0.05" stiffness="0.5" springref="0.3"')
     machine = dataclasses.replace(bench, xml=xml)
@@ -96,13 +88,3 @@ def test_descriptions_speak_the_fields_words(bench: Any) -> None:
     cogging = Cogging.at(bench.shoulder, model).describe(np.array([0.3, 0.4, 7.0]))
     assert cogging["amplitude"] == pytest.approx(0.5)
     assert 0.5 * np.sin(7.0 * 0.2 + cogging["phase"]) == pytest.approx(0.3 * np.sin(1.4) + 0.4 * np.cos(1.4))
-
-
-def test_cogging_looks_only_for_periods_that_the_data_can_show(bench: Any) -> None:
-    narrow = dataclasses.replace(bench.shoulder, position=(-0.1, 0.1))
-    assert min(seed[2] for seed in Cogging.at(narrow, bench.model).seeds) > np.pi / 0.2
-    assert Cogging.at(narrow, bench.model).parameters[2].low == pytest.approx(1 / 0.2)  # slower is a spring
-    assert Cogging.at(dataclasses.replace(bench.shoulder, position=(-2.0, 2.0)), bench.model).parameters[2].low == 1.0
-    slide = dataclasses.replace(bench.shoulder, position_unit="m", force_unit="N")
-    effect = Cogging.at(slide, bench.model)
-    assert [p.unit for p in effect.parameters] == ["N", "N", "rad/m"]

@@ -180,14 +180,13 @@ def accelerations(effects: Sequence[Effect]) -> list[Effect]:
     """
     kept = [e for e in effects if isinstance(e, (JointEffect, ActuatorEffect, SensorEffect))]
     kept = [dataclasses.replace(e, drives="") if isinstance(e, ActuatorEffect) else e for e in kept]
-    return [
-        dataclasses.replace(
-            effect,
-            parameters=tuple(dataclasses.replace(p, unit=_UNITS.get(p.unit, p.unit)) for p in effect.parameters),
-        )
-        for effect in kept
-        if not isinstance(effect, (ArmatureError, SoftCoulombFriction))
-    ]
+    return [_as_acceleration(e) for e in kept if not isinstance(e, (ArmatureError, SoftCoulombFriction))]
+
+
+def _as_acceleration(effect: Effect) -> Effect:
+    parameters = tuple(dataclasses.replace(p, unit=_UNITS.get(p.unit, p.unit)) for p in effect.parameters)
+    more = None if effect.more is None else _as_acceleration(effect.more)
+    return dataclasses.replace(effect, parameters=parameters, more=more)
 
 
 def check_recordings(box: BlackBox, recordings: Sequence[Recording]) -> None:

@@ -8,7 +8,6 @@ from collections.abc import Sequence
 import numpy as np
 
 from torch_activegp.diagnosis.fit import Fit
-from torch_activegp.diagnosis.runs import Array
 from torch_activegp.diagnosis.score import Score
 from torch_activegp.diagnosis.shooting import Shooting
 from torch_activegp.physics.effect import Effect
@@ -71,15 +70,9 @@ def fitted(shooting: Shooting, selection: Selection, effects: Sequence[Effect]) 
         start = (tuple(effects), tuple(values[effect] for effect in effects))
         fit = shooting.fit([start], best.starts, design=best.design)[0]
     if fit.chi2 > nominal.chi2 and all(effect.linear or effect.tunable for effect in effects):
-        absent = (tuple(effects), tuple(_absent(effect, values[effect]) for effect in effects))
+        absent = (tuple(effects), tuple(effect.absent(values[effect]) for effect in effects))
         fit = min(fit, *shooting.fit([absent], nominal.starts, design=nominal.design), key=lambda fit: fit.chi2)
     return fit
-
-
-def _absent(effect: Effect, values: Array) -> Array:
-    """Parameters with which an effect does nothing: no amplitude, the same shape."""
-    amplitudes = effect.linear or len(values)
-    return np.where(np.arange(len(values)) < amplitudes, 0.0, values)
 
 
 def without_each(selection: Selection, shooting: Shooting) -> list[tuple[Effect, Fit]]:

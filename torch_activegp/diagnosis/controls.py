@@ -7,6 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from torch_activegp.diagnosis.candidate import Candidate
+from torch_activegp.diagnosis.own_filters import OwnFilter
 from torch_activegp.diagnosis.runs import Array, Run
 from torch_activegp.diagnosis.segments import Segments
 from torch_activegp.physics.actuation import ActuatorEffect
@@ -20,18 +21,26 @@ class Controls:
         candidates: N candidates.
         substeps: time steps in each interval between rows.
         nu: number of controls.
+        filters: of the model's own drives, behind the effects.
     """
 
-    def __init__(self, segments: Segments, candidates: Sequence[Candidate], substeps: int, nu: int) -> None:
+    def __init__(
+        self,
+        segments: Segments,
+        candidates: Sequence[Candidate],
+        substeps: int,
+        nu: int,
+        filters: Sequence[OwnFilter] = (),
+    ) -> None:
         self._shape = (len(candidates), segments.size, nu)
         plain, dt = _held(segments.runs, substeps, nu)
         chains: dict[tuple[ActuatorEffect, ...], list[int]] = {}
         for i, candidate in enumerate(candidates):
             acting = (effect for effect in candidate.effects if isinstance(effect, ActuatorEffect))
             chains.setdefault(tuple(sorted(acting, key=lambda effect: effect.order)), []).append(i)
-        self.held = not any(chains)
+        self.held = not any(chains) and not filters
         """Whether no control changes between two rows."""
-        sets = [plain[None]]
+        sets = [plain[None].copy()]
         self._slot = np.zeros(len(candidates), dtype=np.int64)
         for chain, members in chains.items():
             if not chain:
@@ -43,6 +52,8 @@ class Controls:
             self._slot[members] = np.arange(len(members)) + sum(map(len, sets))
             sets.append(control)
         self._all = np.concatenate(sets)
+        for own in filters:
+            own.apply(self._all, dt)
         self._first = segments.first * substeps
         self._run = segments.run
         self._substeps = substeps
@@ -70,8 +81,8 @@ class Inputs:
     Args:
         segments: S segments.
         candidates: N candidates.
+        controls: of them.
         substeps: time steps in each interval between rows.
-        nu: number of controls.
         stride: intervals in each time step, where rows come faster than the motion needs; takes one substep.
         late: whether inputs come half a time step later.
         steady: forces on top that never change, ``(N * S, nv)``, N m or N.
@@ -81,13 +92,13 @@ class Inputs:
         self,
         segments: Segments,
         candidates: Sequence[Candidate],
+        controls: Controls,
         substeps: int,
-        nu: int,
         stride: int = 1,
         late: bool = False,
         steady: Array | None = None,
     ) -> None:
-        self._control = Controls(segments, candidates, substeps, nu)
+        self._control = controls
         force = added(segments.take("force"), [candidate.force for candidate in candidates])
         self._force = force.reshape(-1, *force.shape[2:]) if force.any() else None
         self._steady = steady if steady is not None and steady.any() else None

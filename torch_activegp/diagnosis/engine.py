@@ -13,8 +13,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from torch_activegp.diagnosis.candidate import NOMINAL, Candidate, grouped
-from torch_activegp.diagnosis.controls import Inputs
+from torch_activegp.diagnosis.controls import Controls, Inputs
 from torch_activegp.diagnosis.hermite import position_between, velocity_between
+from torch_activegp.diagnosis.own_filters import own_filters, without_filters
 from torch_activegp.diagnosis.prescribed_motion import PrescribedMotion, make_heavy
 from torch_activegp.diagnosis.readings import readings
 from torch_activegp.diagnosis.runs import Array, Channels, Run, median_step
@@ -67,6 +68,8 @@ class Engine:
             self.model.opt.integrator = integrator
         if channels.prescribed is not None:
             make_heavy(self.model, channels.prescribed)
+        self.filters = own_filters(self.model)
+        without_filters(self.model, self.filters)
         self.channels = channels
         self.substeps = substeps
         self.nthread = nthread
@@ -129,7 +132,8 @@ class Engine:
         batch = fields.batch
         fields("opt.timestep")[:rows] = np.median(segments.dt) / self.substeps
         acting, steady = self._acting(segments, candidates, fields)
-        inputs = Inputs(segments, candidates, self.substeps, model.nu, self.stride, self.late, steady)
+        controls = Controls(segments, candidates, self.substeps, model.nu, self.filters)
+        inputs = Inputs(segments, candidates, controls, self.substeps, self.stride, self.late, steady)
         batch.state[:rows] = self._reset_row
         flat = starts.reshape(rows, -1)
         batch.bind("qpos")[:rows], batch.bind("qvel")[:rows] = flat[:, : model.nq], flat[:, model.nq :]

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+from collections.abc import Sequence
 
 import numpy as np
 from numpy.typing import NDArray
@@ -68,6 +69,24 @@ class Fit:
             design=None if self.design is None else self.design[which],
         )
 
-    def steps(self) -> Array:
-        """Scales of the parameters, ``(P,)``."""
-        return np.array([p.scale for effect in self.effects for p in effect.parameters])
+
+def inside(effects: Sequence[Effect], values: Sequence[Array], below: Fit | None) -> tuple[float, Array, Array] | None:
+    """A set as a fit and further effects that do nothing.
+
+    Returns:
+        Chi2, parameters in a row, initial states; None where the set does not hold the fit's effects, or others than
+        linear ones beside them.
+    """
+    if below is None or not set(below.effects) < set(effects):
+        return None
+    known = dict(zip(below.effects, below.values, strict=True))
+    if not all(effect in known or effect.linear for effect in effects):
+        return None
+    flat = [known.get(effect, effect.absent(value)) for effect, value in zip(effects, values, strict=True)]
+    return below.chi2, np.concatenate(flat), below.starts
+
+
+def difference_steps(effects: Sequence[Effect], flat: Array) -> Array:
+    """Small changes of the parameters of some effects, all in a row, for finite differences, ``(P,)``."""
+    parameters = [parameter for effect in effects for parameter in effect.parameters]
+    return np.array([p.step(value) for p, value in zip(parameters, flat, strict=True)], dtype=float)

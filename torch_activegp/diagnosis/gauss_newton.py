@@ -9,12 +9,11 @@ import numpy as np
 
 from torch_activegp.diagnosis.elimination import bounded_step, eliminate
 from torch_activegp.diagnosis.engine import Candidate
-from torch_activegp.diagnosis.fit import Fit
+from torch_activegp.diagnosis.fit import Fit, difference_steps, inside
 from torch_activegp.diagnosis.runs import Array
 from torch_activegp.diagnosis.segments import Segments
 from torch_activegp.physics.effect import Effect
 
-_STEP = 0.05
 _FIRST_DAMPING = 1e-6
 _RACERS = 3
 _MUCH = 0.02
@@ -63,6 +62,7 @@ def total(per_segment: Array) -> float:
 class Problem:
     """One set on its way to the optimum: Levenberg-Marquardt on the parameters, the states by projection.
 
+    Where the first guess is worse than the smaller set `below`, it begins from there instead.
     Derivatives by the states may come from a fit of another set near by; they are computed anew where they mislead. Its
     states too: segments that are far off in the beginning try the smoothed recording in their place.
     """
@@ -76,8 +76,10 @@ class Problem:
         hold: bool = False,
         design: Array | None = None,
         smooth: Array | None = None,
+        below: Fit | None = None,
     ) -> None:
         self.shooting = shooting
+        self._below = inside(effects, values, below)
         self._smooth = smooth
         self.effects = effects
         self.finished = False
@@ -86,7 +88,6 @@ class Problem:
         self._low = np.array([p.low for e in effects for p in e.parameters])
         self._high = np.array([p.high for e in effects for p in e.parameters])
         self._trial = np.clip(self._trial, self._low, self._high)
-        self._scale = np.array([p.scale for e in effects for p in e.parameters])
         self._damping = _FIRST_DAMPING
         self._best: dict[str, Array | float] | None = None
         self._design = design
@@ -129,8 +130,7 @@ class Problem:
         if self._design is not None and self._columns is not None:
             return [base], starts[None]
         self._state_steps = self.shooting.state_columns(starts)
-        step = _STEP * np.where(np.abs(flat) > self._scale, np.abs(flat), self._scale)
-        self._steps = np.where(flat + step > self._high, -step, step)[: 0 if self._still else None]
+        self._steps = difference_steps(self.effects, flat)[: 0 if self._still else None]
         n = len(self._state_steps) if self._design is None else 0
         states = np.repeat(starts[None], 1 + n + len(self._steps), axis=0)
         states[1 : 1 + n] += np.eye(len(self._state_steps))[:n, None, :] * self._state_steps
@@ -173,6 +173,10 @@ class Problem:
             return
         assert self._best is not None
         self.finished, self._columns, self._damping = False, None, _FIRST_DAMPING
+        if self._below is not None and self.chi2 > self._below[0]:  # a first guess that makes it worse misleads
+            _, self._trial, self._trial_starts = self._below
+            self._best, self._below, self._brake[:] = None, None, 1.0
+            return
         self._trial, self._trial_starts = np.asarray(self._best["flat"]), np.asarray(self._best["starts"])
 
     def _better(self, residual: Array, per_segment: Array, fresh: bool, last: bool) -> None:

@@ -53,5 +53,5 @@ def heat(shooting: Shooting, sets: Sequence[Set], fit: Fit, score: Score) -> lis
 
 def near(part: Shooting, sets: Sequence[Set], here: Fit, bars: Sequence[float]) -> list[Set]:
     """Those of some sets whose chi2 on a part of the data is below that of a fit and a bar on top, one for each."""
-    trials = part.fit(sets, here.starts, race=True, design=here.design)
+    trials = part.fit(sets, here.starts, race=True, design=here.design, below=here)
     return [(fit.effects, fit.values) for fit, bar in zip(trials, bars, strict=True) if fit.chi2 < here.chi2 + bar]

@@ -85,4 +85,8 @@ def _unit(effect: Effect, name: str, index: int) -> str:
     for parameter in effect.parameters:  # of an acceleration
         position = parameter.unit.removesuffix("/s2") if parameter.unit in ("rad/s2", "m/s2") else position
     known = {"rest": position, "phase": "rad", "amplitude": effect.parameters[0].unit, "gain": "1"}
-    return units.get(name) or known.get(name) or effect.parameters[min(index, len(effect.parameters) - 1)].unit
+    return (
+        units.get(name)
+        or known.get(name.rstrip("_0123456789"))
+        or effect.parameters[min(index, len(effect.parameters) - 1)].unit
+    )

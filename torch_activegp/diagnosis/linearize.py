@@ -48,6 +48,23 @@ class Linearization:
         """Changes of the recorded positions by forces ``(S, K, A)`` on one recorded joint."""
         return self.respond(self.force[:, :, :, channel, None] * force[:, :, None, :])
 
+    def pull(self, gradient: Array) -> Array:
+        """The gradient by a force on each recorded joint, held over each interval, ``(S, K, C)``.
+
+        The transpose of :meth:`respond_to_force`: one pass backwards in time serves all laws at once.
+
+        Args:
+            gradient: by the recorded positions, ``(S, K + 1, C)``.
+        """
+        size, intervals, n, _ = self.transition.shape
+        out = np.zeros((size, intervals, self.force.shape[-1]))
+        costate = np.zeros((size, n))
+        for k in range(intervals - 1, -1, -1):
+            costate[:, self.positions] += gradient[:, k + 1]
+            out[:, k] = np.einsum("snc,sn->sc", self.force[:, k], costate)
+            costate = np.einsum("snm,sn->sm", self.transition[:, k], costate)
+        return out
+
     def respond_to_start(self) -> Array:
         """Derivatives of the recorded positions by the initial states, ``(S, K + 1, C, n)``."""
         size, intervals, n, _ = self.transition.shape

@@ -60,6 +60,26 @@ class NoiseModel:
         out = np.where(segments.counts[..., None], out, 0.0)
         return out.reshape(*out.shape[:-2], out.shape[-2] * out.shape[-1])
 
+    def unwhiten(self, segments: Segments, white: Array) -> Array:
+        """The transpose of :meth:`whiten`: from a gradient by whitened residuals to one by residuals.
+
+        Args:
+            segments: S segments of K intervals.
+            white: ``(S, (K + 1) * C)``.
+
+        Returns:
+            ``(S, K + 1, C)``.
+        """
+        out = np.where(segments.counts[..., None], white.reshape(*segments.counts.shape, -1), 0.0)
+        if self.colour.any():
+            first, second = self.colour.T
+            usable = (segments.counts[:, 2:] & segments.counts[:, 1:-1] & segments.counts[:, :-2])[..., None]
+            inner = np.where(usable, out[:, 2:] * self.scale / self.innovation, 0.0)
+            out[:, 2:] = np.where(usable, inner, out[:, 2:])
+            out[:, 1:-1] -= first * inner
+            out[:, :-2] -= second * inner
+        return np.asarray(out / self.scale)
+
 
 def colour_scale(poles: tuple[float, float]) -> float:
     """Standard deviation of what is new in each value of noise of some colour and unit variance."""

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import itertools
 from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 
 import numpy as np
@@ -93,9 +94,20 @@ def also_from(atoms: Sequence[Atom]) -> list[Sequence[Atom]]:
 
 
 def join(fit: Fit, atoms: Iterable[Atom]) -> Set:
-    """The fit's effects without those that the new ones contain, and the new ones, which take over their part."""
+    """The fit's effects without those that the new ones contain, and the new ones, which take over their part.
+
+    What is there already, and comes once more, becomes one effect with it.
+    """
     effects, values = list(fit.effects), list(fit.values)
     for atom in atoms:
+        again = [i for i, e in enumerate(effects) if e.key == atom.effect.key and e.more is not None]
+        for i in again:
+            twice = effects[i].more
+            assert twice is not None
+            values[i] = effects[i].once_more(values[i], atom.values)
+            effects[i] = twice
+        if again:
+            continue
         more = atom.values.copy()
         inside = [i for i, e in enumerate(effects) if e.target == atom.effect.target and e.name in atom.effect.covers]
         for i in inside:
@@ -161,7 +173,7 @@ def simpler(
             if law.target == effect.target and law.name in effect.covers and law.linear == 1:
                 alone = [*others, (law, np.array([value[: effect.linear].mean()]))]
                 plain += [_set([*alone, *more]) for more in ([], *_offset(best, effect, value, effects, free))]
-    plain += _merged(pairs, effects)
+    plain += [*_merged(pairs, effects), *_once_less(pairs, effects)]
     fresh = [some for some in fewer if frozenset(some[0]) not in known]
     return fresh + [some for some in plain if known.get(frozenset(some[0]), np.inf) > close]
 
@@ -172,8 +184,19 @@ def _other_forms(pairs: Sequence[tuple[Effect, Array]], effects: Sequence[Effect
         _set([*((e, v) for e, v in pairs if e is not effect), (form, form.taking_over(effect, value))])
         for effect, value in pairs
         for form in effects
-        if form.key == effect.key and form is not effect and (form.stands_in or effect.stands_in)
+        if form.key == effect.key and form is not effect and (form.stands_in or effect.stands_in) and not form.more
     ]
+
+
+def _once_less(pairs: Sequence[tuple[Effect, Array]], effects: Sequence[Effect]) -> list[Set]:
+    """A set in which an effect that acts several times does so once less."""
+    out: list[Set] = []
+    for effect, value in pairs:
+        families = [form.family() for form in effects if form.key == effect.key and form.more is not None]
+        for before, more in (pair for family in families for pair in itertools.pairwise(family) if pair[1] is effect):
+            others = [(e, v) for e, v in pairs if e is not more]
+            out += [_set([*others, (before, fewer)]) for fewer in more.once_less(value)]
+    return out
 
 
 def _merged(pairs: Sequence[tuple[Effect, Array]], effects: Sequence[Effect]) -> list[Set]:

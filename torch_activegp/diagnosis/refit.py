@@ -10,11 +10,10 @@ from numpy.typing import NDArray
 
 from torch_activegp.diagnosis.candidate import Candidate
 from torch_activegp.diagnosis.elimination import bounded_step, eliminate
-from torch_activegp.diagnosis.fit import Fit
+from torch_activegp.diagnosis.fit import Fit, difference_steps
 from torch_activegp.diagnosis.runs import Array
 from torch_activegp.diagnosis.shooting import Shooting
 
-_STEP = 0.05
 _ROUNDS = 6
 _LITTLE = 1e-3
 _UNSETTLED = 2.0
@@ -84,9 +83,7 @@ def _at(fit: Fit, flat: Array) -> Candidate:
 def _derivatives(shooting: Shooting, fit: Fit) -> tuple[Array, Array]:
     """Whitened residuals ``(S, M)`` and their derivatives by the parameters ``(S, M, P)`` at a fit."""
     flat = np.concatenate(fit.values)
-    high = np.array([p.high for effect in fit.effects for p in effect.parameters])
-    steps = _STEP * np.maximum(np.abs(flat), fit.steps())
-    steps = np.where(flat + steps > high, -steps, steps)
+    steps = difference_steps(fit.effects, flat)
     candidates = [_at(fit, flat), *(_at(fit, flat + step) for step in np.diag(steps))]
     states = np.repeat(fit.starts[None], len(candidates), axis=0)
     white = shooting.residuals(shooting.engine.predict(shooting.segments, states, candidates)[0])

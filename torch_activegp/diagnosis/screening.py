@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from torch_activegp.diagnosis.elimination import eliminate, invert, wald
 from torch_activegp.diagnosis.fit import Fit
-from torch_activegp.diagnosis.linearize import linearize
+from torch_activegp.diagnosis.linearize import Linearization, linearize
 from torch_activegp.diagnosis.runs import Array
 from torch_activegp.diagnosis.sensitivities import (
     effect_columns,
@@ -21,6 +21,7 @@ from torch_activegp.diagnosis.sensitivities import (
 )
 from torch_activegp.diagnosis.shooting import Shooting
 from torch_activegp.physics.effect import Effect
+from torch_activegp.physics.joint import JointEffect
 
 _SAME = 1e-6
 _MOST_BYTES = 60_000_000
@@ -101,17 +102,18 @@ def screen(shooting: Shooting, fit: Fit, effects: Sequence[Effect]) -> Screen:
         fit: what is there already.
         effects: what could come.
     """
-    plan = [(e, seed, max(e.linear, 1)) for e in effects for seed in e.seeds]
+    rows = [(shooting.pick(some), fit.pick(some)) for some in _parts(shooting, fit.size + sum(map(_width, effects)))]
+    linear = [linearize(part, here) for part, here in rows]
+    seeds = _scanned(rows, linear, effects)
+    plan = [(e, seed, max(e.linear, 1)) for e in effects for seed in [*e.seeds, *seeds.get(e, [])]]
     wanted = [(e, values) for e, seed, _ in plan for values in unit_values(e, seed)]
     memory = remembered(wanted, shooting)
     normal, gradient = np.zeros((0, 0)), np.zeros(0)
-    for some in _parts(shooting, fit.size + len(wanted)):
-        part, here = shooting.pick(some), fit.pick(some)
-        linear = linearize(part, here)
+    for (part, here), around in zip(rows, linear, strict=True):
         blocks = (
-            linear.respond_to_start(),
+            around.respond_to_start(),
             parameter_columns(part, here),
-            effect_columns(part, here, wanted, linear, memory),
+            effect_columns(part, here, wanted, around, memory),
         )
         start, held, tested = (part.whiten_columns(block) for block in blocks)
         more, along = _project(start, np.concatenate([held, tested], axis=-1), part.residual_of(here))
@@ -123,6 +125,33 @@ def screen(shooting: Shooting, fit: Fit, effects: Sequence[Effect]) -> Screen:
         atoms.append(_atom(effect, seed, where, *_gain(normal[where, where], gradient[where])))
         at += width
     return Screen(tuple(atoms), normal, gradient)
+
+
+def _width(effect: Effect) -> int:
+    return len(effect.seeds) * max(effect.linear, 1)
+
+
+def _scanned(
+    rows: Sequence[tuple[Shooting, Fit]], linear: Sequence[Linearization], effects: Sequence[Effect]
+) -> dict[Effect, Array]:
+    """Seeds that the recordings show, of the effects that look for them."""
+    looking = [e for e in effects if isinstance(e, JointEffect) and type(e).scan is not Effect.scan]
+    if not looking:
+        return {}
+    pulls, positions = [], []
+    for (part, here), around in zip(rows, linear, strict=True):
+        start, white = part.whiten_columns(around.respond_to_start()), part.residual_of(here)
+        clean = eliminate(start, start[..., :0], white)
+        left = white - np.einsum("smn,sn->sm", clean.basis, np.einsum("smn,sm->sn", clean.basis, white))
+        pulls.append(around.pull(part.noise.unwhiten(part.segments, left)))
+        positions.append(0.5 * (around.states[:, 1:] + around.states[:, :-1])[..., around.positions])
+    channel = {int(dof): c for c, dof in enumerate(rows[0][0].engine.channels.dof)}
+    out: dict[Effect, Array] = {}
+    for effect in looking:
+        c = channel[effect.dof]
+        position, pull = (np.concatenate([piece[..., c].ravel() for piece in pieces]) for pieces in (positions, pulls))
+        out[effect] = effect.scan(position, pull)
+    return out
 
 
 def _atom(effect: Effect, seed: Array, where: slice, gain: float, amplitude: Array) -> Atom:

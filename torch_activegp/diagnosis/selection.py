@@ -25,6 +25,7 @@ from torch_activegp.diagnosis.proposals import (
     with_values,
     without_weak,
 )
+from torch_activegp.diagnosis.repeated import repeated
 from torch_activegp.diagnosis.runs import Array
 from torch_activegp.diagnosis.score import Score
 from torch_activegp.diagnosis.screening import Atom, Screen, screen
@@ -166,7 +167,7 @@ def _expand(selection: Selection, shooting: Shooting, effects: Sequence[Effect],
     known = {frozenset(f.effects) for f in selection.fits}
     fresh = heat(shooting, [p for p in proposed if frozenset(p[0]) not in known], fit, selection.score)
     if fresh:
-        selection.add(shooting.fit(fresh, fit.starts, race=True, design=fit.design))
+        selection.add(shooting.fit(fresh, fit.starts, race=True, design=fit.design, below=fit))
         selection.rescale(shooting.dof)
 
 
@@ -179,7 +180,7 @@ def _hopeless(selection: Selection, shooting: Shooting, least: int) -> bool:
 
 
 def _allowed(effects: Sequence[Effect], fit: Fit) -> list[Effect]:
-    taken = fit.keys
+    taken = fit.keys - {e.key for e in fit.effects if e.more is not None}
     covered = {(name, e.target) for e in fit.effects for name in e.covers}
     return [e for e in effects if not e.stands_in and e.key not in taken and e.key not in covered]
 
@@ -197,6 +198,7 @@ def _proposals(selection: Selection, fit: Fit, screened: Screen, most: int) -> l
     chosen: list[Sequence[Atom]] = [(a,) for a in diverse(singles, most)]
     lenient = functools.cache(functools.partial(worth, selection.score.before_any_fit(selection.nominal)))
     together = companies(best[:_COMPANY], lenient, MAX_EFFECTS - selection.score.names_in(fit.effects), _MORE)
+    together += repeated(screened, lenient, _MORE)
     chosen += [with_values(company, screened.together(company)[1]) for company in together]
     if not fit.effects:
         gains = [screened.joint_gain(company) for company in together]

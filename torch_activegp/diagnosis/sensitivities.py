@@ -114,12 +114,18 @@ def remembered(wanted: Sequence[tuple[Effect, Array]], shooting: Shooting) -> di
     dt = np.stack([np.pad(run.dt, (0, length - len(run) + 1), mode="edge") for run in runs])
     fine, steps = np.repeat(plain, substeps, axis=1), np.repeat(dt / substeps, substeps, axis=1)
     channel = _channels_of(shooting)
+    filters = shooting.engine.filters
+    behind = fine[None].copy()
+    for own in filters:
+        own.apply(behind, steps)
     out = {}
     for i, (effect, values) in enumerate(wanted):
         if isinstance(effect, ActuatorEffect):
             changed = effect.control(fine[None].copy(), steps, values[None])
             assert changed is not None
-            out[i] = (changed[0] - fine)[..., effect.index].reshape(len(runs), length, substeps).mean(-1)
+            for own in filters:
+                own.apply(changed, steps)
+            out[i] = (changed - behind)[0][..., effect.index].reshape(len(runs), length, substeps).mean(-1)
         elif isinstance(effect, Hysteresis):
             out[i] = effect.path(smooth[..., channel[effect.dof]], values)
     return out
@@ -146,10 +152,8 @@ def parameter_columns(shooting: Shooting, fit: Fit) -> Array:
     moves = []
     for k, effect in enumerate(fit.effects):
         for i, parameter in enumerate(effect.parameters):
-            step = 0.05 * max(abs(fit.values[k][i]), parameter.scale)
-            step = -step if fit.values[k][i] + step > parameter.high else step
             moved = [v.copy() for v in fit.values]
-            moved[k][i] += step
+            moved[k][i] += parameter.step(float(fit.values[k][i]))
             moves.append(Candidate(fit.effects, tuple(moved)))
     starts = np.repeat(fit.starts[None], 1 + len(moves), axis=0)
     predicted, _ = shooting.differences.predict(shooting.segments, starts, [fit.candidate, *moves])

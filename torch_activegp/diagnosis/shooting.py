@@ -123,6 +123,7 @@ class Shooting:
         race: bool = False,
         hold: bool = False,
         design: Array | None = None,
+        below: Fit | None = None,
     ) -> list[Fit]:
         """Fits several sets of effects side by side.
 
@@ -133,10 +134,11 @@ class Shooting:
             hold: keep the parameters as they are and fit the initial states alone.
             race: give up on sets that stay far behind the best after two steps.
             design: derivatives by the initial states from a fit near by, :attr:`Fit.design`, which saves work.
+            below: a fit of what the sets have in common: a first guess that is worse than it misleads, and is left.
         """
         smooth = None if design is None else self.engine.starts(self.segments)
         problems = [
-            Problem(self, tuple(e), tuple(v), starts if starts.ndim == 2 else starts[i], hold, design, smooth)
+            Problem(self, tuple(e), tuple(v), starts if starts.ndim == 2 else starts[i], hold, design, smooth, below)
             for i, (e, v) in enumerate(sets)
         ]
         for number in range(rounds + 1):

@@ -166,7 +166,7 @@ class ActuatorSaturation(ActuatorEffect):
     def at(cls, place: Place, model: mujoco.MjModel) -> Self:
         """Makes the effect for an actuator."""
         top = place.control
-        parameter = Parameter("limit", "1", 0.03 * top, low=0.02 * top, high=top)
+        parameter = Parameter("limit", "1", 0.03 * top, low=0.02 * top, high=top, place=True)
         return cls.make(place, model, parameter, [top * x for x in (0.97, 0.9, 0.8, 0.7, 0.6, 0.5, 0.4, 0.3, 0.2)])
 
     def control(self, control: Array, dt: Array, values: Array) -> Array:

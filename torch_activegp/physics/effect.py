@@ -13,6 +13,10 @@ from numpy.typing import NDArray
 Array = NDArray[np.float64]
 Index = NDArray[np.integer[Any]]
 
+_OF_THE_SIZE = 0.05
+"""Friction that holds and lets go is not smooth: a smaller step sees single slips."""
+_OF_THE_SCALE = 0.2
+
 
 @dataclasses.dataclass(frozen=True)
 class Parameter:
@@ -24,6 +28,8 @@ class Parameter:
         scale: a value that is small but matters on this machine; finite differences and screening use it.
         low: least value that physics allows.
         high: largest value.
+        place: whether it says where on an axis something is (a stop, a number of periods), so that its own size is no
+            measure of what a small change is.
     """
 
     name: str
@@ -31,6 +37,12 @@ class Parameter:
     scale: float
     low: float = -np.inf
     high: float = np.inf
+    place: bool = False
+
+    def step(self, value: float) -> float:
+        """A small change for a finite difference at some value, within the bounds."""
+        size = _OF_THE_SCALE * self.scale if self.place else _OF_THE_SIZE * max(abs(value), self.scale)
+        return -size if value + size > self.high else size
 
 
 @dataclasses.dataclass
@@ -81,6 +93,7 @@ class Effect:
         linear: number of parameters in which the effect is linear.
         variant: tells apart several forms of one name on one target.
         stands_in: whether this form is tried only in place of another one that a set holds already.
+        more: this law and the same once more with other values, as one effect; None where a law acts but once.
     """
 
     target: str
@@ -89,6 +102,7 @@ class Effect:
     linear: int = 1
     variant: str = ""
     stands_in: bool = False
+    more: Effect | None = None
 
     name: ClassVar[str]
     law: ClassVar[str]
@@ -173,6 +187,31 @@ class Effect:
         known = dict(zip((parameter.name for parameter in other.parameters), values, strict=True))
         begin = np.where(np.arange(len(self.parameters)) < self.linear, 0.0, self.seeds[0])
         return np.array([known.get(p.name, v) for p, v in zip(self.parameters, begin, strict=True)], dtype=float)
+
+    def absent(self, values: Array) -> Array:
+        """Values ``(P,)`` with which it does nothing: no amplitude, the same shape."""
+        return np.where(np.arange(len(values)) < (self.linear or len(values)), 0.0, values)
+
+    def once_more(self, values: Array, added: Array) -> Array:
+        """Values of :attr:`more` that are this law with some values ``(P,)`` and the law once more with others."""
+        raise NotImplementedError
+
+    def once_less(self, values: Array) -> list[Array]:
+        """Values of the form that acts once less, without each time in turn; none of a law that acts but once."""
+        return []
+
+    def scan(self, position: Array, pull: Array) -> Array:
+        """Seeds ``(n, P)`` beside :attr:`seeds` for shapes that one recording shows and no list foresees.
+
+        Args:
+            position: where the joint was, rad or m, ``(N,)``.
+            pull: gradient of the likelihood by a force there and then, ``(N,)``.
+        """
+        return np.zeros((0, len(self.parameters)))
+
+    def family(self) -> list[Effect]:
+        """This effect, and those that it becomes when its law acts more than once."""
+        return [self, *(self.more.family() if self.more is not None else [])]
 
     def describe(self, values: Array) -> dict[str, float]:
         """The parameters by name."""

@@ -13,6 +13,8 @@ from scipy.spatial.transform import Rotation
 from torch_activegp.physics.body import AXES, BodyEffect
 from torch_activegp.physics.effect import Array, Effect, Index, Parameter, Place
 
+_HEAVIEST = 4.0
+"""A body's own mass may be wrong by so much of it; more is a load."""
 _BEYOND = 1.2
 """A load may stick out of the body that carries it, by a fifth of the way to its end."""
 
@@ -155,7 +157,7 @@ class DensityError(BodyEffect):
     def at(cls, place: Place, model: mujoco.MjModel) -> Self:
         """Makes the effect for a body."""
         mass = float(model.body_mass[place.index])
-        parameter = Parameter("mass", "kg", 0.05 * mass, low=-0.5 * mass)
+        parameter = Parameter("mass", "kg", 0.05 * mass, low=-0.5 * mass, high=_HEAVIEST * mass)
         return cls(place.target, (parameter,), np.array([[0.05 * mass]]), variant="density", body=place.index)
 
     def edit(self, field: Callable[[str], Array], rows: Index, values: Array) -> bool:

@@ -1,4 +1,4 @@
-"""Springs, constant forces and cogging: forces that depend on a joint's position."""
+"""Springs and constant forces; with cogging and stops, the forces that depend on a joint's position."""
 
 from __future__ import annotations
 
@@ -9,12 +9,12 @@ from typing import Any, Self
 import mujoco
 import numpy as np
 
+from torch_activegp.physics.cogging import Cogging
 from torch_activegp.physics.effect import Array, Effect, Index, Parameter, Place
 from torch_activegp.physics.joint import JointEffect
 from torch_activegp.physics.stops import JointStop, LowerJointStop
 
 _SMALL = 0.05
-_PERIODS = (1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 12, 14, 16, 18, 20, 24, 28, 30, 32, 36, 40, 42, 48, 56, 60, 64, 72, 84, 96)
 
 
 class ConstantForce(JointEffect):
@@ -190,53 +190,6 @@ def _write_spring(effect: JointEffect, spec: mujoco.MjSpec, stiffness: float, pr
     rest = (joint.stiffness[0] * joint.springref / unit + preload) / total
     joint.stiffness[0], joint.springref = total, rest * unit
     return True
-
-
-class Cogging(JointEffect):
-    """A sin(N q + phase): the pull of a motor's magnets. The amplitudes are those of the sine and the cosine."""
-
-    name = "cogging"
-    never_negative = frozenset({"amplitude"})
-    law = "A sin(N q + phase)"
-
-    @classmethod
-    def at(cls, place: Place, model: mujoco.MjModel) -> Self:
-        """Makes the effect for a joint, with the numbers of periods that its range and speed let us see."""
-        scale = _SMALL * place.force
-        width = max(place.position[1] - place.position[0], 1e-9)
-        fastest = 0.6 * np.pi / (max(place.top_speed, 1e-9) * place.dt)
-        turns = place.position_unit == "rad"
-        if turns:
-            periods = [float(n) for n in _PERIODS if n * width > np.pi and n < 4 * fastest] or [max(1.0, 1.0 / width)]
-        else:
-            periods = [2 * np.pi * n / width for n in (2, 3, 4, 6, 8, 11, 16, 22, 32)]
-        spread = 0.5 * np.pi / width
-        least = min(max(1.0 if turns else 0.0, 1.0 / width), *periods)  # less than that is no cogging but a spring
-        parameters = (
-            Parameter("sine", place.force_unit, scale),
-            Parameter("cosine", place.force_unit, scale),
-            Parameter("periods", "1/turn" if turns else f"rad/{place.position_unit}", spread, low=least),
-        )
-        return cls.make(place, parameters, [[scale, scale, n] for n in periods], linear=2)
-
-    def force(self, position: Array, velocity: Array, values: Sequence[Array] | Array) -> Array:
-        """The law; see :meth:`JointEffect.force`."""
-        angle = values[2] * position
-        return values[0] * np.sin(angle) + values[1] * np.cos(angle)
-
-    def write(self, spec: mujoco.MjSpec, values: Array) -> bool:
-        """Writes a passive DC motor with cogging."""
-        law = self.describe(values)
-        self.add_passive(spec, cogging=[law["amplitude"], law["periods"], law["phase"]])
-        return True
-
-    def describe(self, values: Array) -> dict[str, float]:
-        """Amplitude, number of periods and phase."""
-        return {
-            "amplitude": float(np.hypot(values[0], values[1])),
-            "periods": float(values[2]),
-            "phase": float(np.arctan2(values[1], values[0])),
-        }
 
 
 POSITION_FORCES: tuple[type[Effect], ...] = (

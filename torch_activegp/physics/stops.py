@@ -42,7 +42,7 @@ class JointStop(JointEffect):
             Parameter(
                 "damping", f"{place.force_unit} s/{place.position_unit}", 0.2 * place.force / place.speed, low=0.0
             ),
-            Parameter("position", place.position_unit, 0.01 * width, low=low, high=high),
+            Parameter("position", place.position_unit, 0.01 * width, low=low, high=high, place=True),
         )
         places = high - width * np.geomspace(0.01, 0.45, _STOP_PLACES)
         seeds = [[stiffness, 0.1 * place.force / place.speed, position] for position in places]

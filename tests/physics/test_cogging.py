@@ -1,0 +1,57 @@
+from __future__ import annotations
+
+import dataclasses
+from typing import Any
+
+import numpy as np
+import pytest
+
+from torch_activegp.physics.cogging import Cogging
+
+
+def test_cogging_does_no_net_work_in_a_turn(bench: Any) -> None:
+    cogging, values = Cogging.at(bench.shoulder, bench.model), np.array([0.3, 0.2, 7.0])
+    turn = np.linspace(0.0, 2 * np.pi, 1000, endpoint=False)
+    around = cogging.force(turn, 0.0 * turn, values)
+    assert abs(around.mean()) < 1e-12
+    assert np.abs(around).max() == pytest.approx(cogging.describe(values)["amplitude"], rel=1e-3)
+
+
+def test_cogging_looks_only_for_periods_that_the_data_can_show(bench: Any) -> None:
+    narrow = dataclasses.replace(bench.shoulder, position=(-0.1, 0.1))
+    assert min(seed[2] for seed in Cogging.at(narrow, bench.model).seeds) > np.pi / 0.2
+    assert Cogging.at(narrow, bench.model).parameters[2].low == pytest.approx(1 / 0.2)  # slower is a spring
+    assert Cogging.at(dataclasses.replace(bench.shoulder, position=(-2.0, 2.0)), bench.model).parameters[2].low == 1.0
+    slide = dataclasses.replace(bench.shoulder, position_unit="m", force_unit="N")
+    effect = Cogging.at(slide, bench.model)
+    assert [p.unit for p in effect.parameters] == ["N", "N", "rad/m"]
+
+
+def test_its_description_is_amplitude_and_phase(bench: Any) -> None:
+    law = Cogging.at(bench.shoulder, bench.model).describe(np.array([0.3, 0.4, 7.0]))
+    assert law["amplitude"] == pytest.approx(0.5)
+    assert 0.5 * np.sin(7.0 * 0.2 + law["phase"]) == pytest.approx(0.3 * np.sin(1.4) + 0.4 * np.cos(1.4))
+
+
+def test_more_waves_are_one_law(bench: Any) -> None:
+    """The law of several waves, its hooks, its file and its description say the same."""
+    one = Cogging.at(bench.shoulder, bench.model)
+    two, three = one.family()[1:]
+    assert one.family()[2].more is None
+    first, second = np.array([0.3, 0.2, 7.0]), np.array([0.1, -0.2, 3.0])
+    values = one.once_more(first, second)
+    position = np.linspace(-1.0, 2.0, 50)
+    both = one.force(position, position, first) + one.force(position, position, second)
+    assert two.force(position, position, values) == pytest.approx(both)
+    thrice = two.once_more(values, np.array([0.05, 0.0, 11.0]))
+    assert three.force(position, position, thrice) == pytest.approx(both + 0.05 * np.sin(11 * position))
+    for effect, numbers in ((two, values), (three, thrice)):
+        assert [len(effect.parameters), effect.linear] == [len(numbers), 2 * len(numbers) // 3]
+        assert bench.gap(bench.hooks(effect, numbers), bench.force(effect, numbers)) < 1e-12
+        assert bench.gap(bench.hooks(effect, numbers), bench.written(effect, numbers)) < 1e-3
+        assert one.taking_over(effect, numbers) == pytest.approx(first)
+    law = three.describe(thrice)
+    assert [law["periods"], law["periods_2"], law["periods_3"]] == [7.0, 3.0, 11.0]
+    assert law["amplitude_2"] == pytest.approx(np.hypot(0.1, 0.2))
+    assert law["phase_3"] == 0.0
+    assert [p.name for p in two.parameters] == ["sine", "cosine", "sine_2", "cosine_2", "periods", "periods_2"]

@@ -1,0 +1,132 @@
+"""Cogging: the pull of a motor's magnets, one sine or several of the position."""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Sequence
+from typing import Self
+
+import mujoco
+import numpy as np
+from scipy import ndimage, signal
+
+from torch_activegp.physics.effect import Array, Parameter, Place
+from torch_activegp.physics.joint import JointEffect
+
+_SMALL = 0.05
+_PERIODS = (1, 2, 3, 4, 5, 6, 7, 8, 10, 12, 16, 24, 36, 48, 72, 96)
+"""Few of many: the others show in a :meth:`Cogging.scan`."""
+_WAVES = 3
+"""A motor's poles, its slots, and what both have in common."""
+
+_SEEN_TO_REPEAT = 3.0
+"""So many periods of each wave lie in the range where there are several: any bump is a sum of slower waves."""
+_FINENESS = 8
+"""Bins of the position in the shortest period."""
+_PADDING = 4
+_TREND = 9
+"""Resolved numbers of periods over which the median is the trend."""
+_PEAKS = 3
+
+
+@dataclasses.dataclass(frozen=True, eq=False)
+class Cogging(JointEffect):
+    """A sin(N q + phase), or a sum of such waves of several N: :attr:`more` has one wave more.
+
+    The parameters are the amplitudes of the sine and the cosine of each wave, then the number of periods of each.
+    """
+
+    name = "cogging"
+    never_negative = frozenset({"amplitude", "amplitude_2", "amplitude_3"})
+    law = "A sin(N q + phase)"
+
+    @classmethod
+    def at(cls, place: Place, model: mujoco.MjModel) -> Self:
+        """Makes the effect for a joint, with the numbers of periods that its range and speed let us see."""
+        scale = _SMALL * place.force
+        width = max(place.position[1] - place.position[0], 1e-9)
+        fastest = 0.6 * np.pi / (max(place.top_speed, 1e-9) * place.dt)
+        turns = place.position_unit == "rad"
+        if turns:
+            periods = [float(n) for n in _PERIODS if n * width > np.pi and n < 4 * fastest] or [max(1.0, 1.0 / width)]
+        else:
+            periods = [2 * np.pi * n / width for n in (2, 3, 4, 6, 8, 11, 16, 22, 32)]
+        least = min(max(1.0 if turns else 0.0, 1.0 / width), *periods)  # less than that is no cogging but a spring
+        unit = "1/turn" if turns else f"rad/{place.position_unit}"
+        sine, cosine = (Parameter(name, place.force_unit, scale) for name in ("sine", "cosine"))
+        made: Self | None = None
+        for waves in range(_WAVES, 0, -1):
+            low = least if waves == 1 else max(least, _SEEN_TO_REPEAT * 2 * np.pi / width)
+            count = Parameter("periods", unit, 0.5 * np.pi / width, low=low, place=True)
+            parameters = (*_numbered((sine, cosine), waves), *_numbered((count,), waves))
+            seeds = [[scale, scale, n] for n in periods] if waves == 1 else [[scale] * 2 * waves + periods[:1] * waves]
+            several = {"variant": f"{waves} waves", "stands_in": True} if waves > 1 else {}
+            made = cls.make(place, parameters, seeds, linear=2 * waves, more=made, **several)
+        assert made is not None
+        return made
+
+    def once_more(self, values: Array, added: Array) -> Array:
+        """Amplitudes, then periods; see :meth:`Effect.once_more`."""
+        return np.concatenate([values[: self.linear], added[:2], values[self.linear :], added[2:]])
+
+    def once_less(self, values: Array) -> list[Array]:
+        """Without each wave; see :meth:`Effect.once_less`."""
+        waves = self.linear // 2
+        return [np.delete(values, [2 * w, 2 * w + 1, self.linear + w]) for w in range(waves) if waves > 1]
+
+    def scan(self, position: Array, pull: Array) -> Array:
+        """The numbers of periods where the pull has the highest peaks over the position, as it is and above its trend.
+
+        A wave that fits no whole number of times into the range is seen at its own number alone, so that no list of
+        numbers finds it. See :meth:`Effect.scan`.
+        """
+        first, seed = self.linear, self.seeds[0]
+        width = float(np.ptp(position))
+        bins = int(_FINENESS * max(float(self.seeds[:, first].max()), self.parameters[first].low) * width / (2 * np.pi))
+        if width <= 0.0 or bins < _FINENESS:
+            return super().scan(position, pull)
+        total, _ = np.histogram(position, bins, weights=pull)
+        power = np.abs(np.fft.rfft(total, _PADDING * bins)) ** 2
+        periods = 2 * np.pi * np.arange(len(power)) * bins / (width * _PADDING * bins)
+        trend = ndimage.median_filter(power, _TREND * _PADDING)
+        inside = (periods >= self.parameters[first].low) & (periods < periods[-1] / 2)
+        found: list[float] = []
+        for height in (power, power / np.maximum(trend, 1e-300)):
+            peaks = signal.find_peaks(np.where(inside, height, 0.0))[0]
+            found += [float(periods[p]) for p in peaks[np.argsort(-height[peaks], kind="stable")][:_PEAKS]]
+        return np.array([[*seed[:first], n] for n in dict.fromkeys(found)]).reshape(-1, len(seed))
+
+    def force(self, position: Array, velocity: Array, values: Sequence[Array] | Array) -> Array:
+        """The law; see :meth:`JointEffect.force`."""
+        total = np.zeros(())
+        for wave in range(self.linear // 2):
+            angle = values[self.linear + wave] * position
+            total = total + values[2 * wave] * np.sin(angle) + values[2 * wave + 1] * np.cos(angle)
+        return total
+
+    def write(self, spec: mujoco.MjSpec, values: Array) -> bool:
+        """Writes passive DC motors with cogging, one for each wave."""
+        law = self.describe(values)
+        for wave in range(self.linear // 2):
+            end = _ending(wave)
+            self.add_passive(spec, cogging=[law[f"amplitude{end}"], law[f"periods{end}"], law[f"phase{end}"]])
+        return True
+
+    def describe(self, values: Array) -> dict[str, float]:
+        """Amplitude, number of periods and phase; of a second wave ``amplitude_2`` and so on."""
+        law = {}
+        for wave in range(self.linear // 2):
+            sine, cosine = values[2 * wave : 2 * wave + 2]
+            law[f"amplitude{_ending(wave)}"] = float(np.hypot(sine, cosine))
+            law[f"periods{_ending(wave)}"] = float(values[self.linear + wave])
+            law[f"phase{_ending(wave)}"] = float(np.arctan2(cosine, sine))
+        return law
+
+
+def _ending(wave: int) -> str:
+    return f"_{wave + 1}" if wave else ""
+
+
+def _numbered(parameters: Sequence[Parameter], waves: int) -> list[Parameter]:
+    """The parameters of each wave in turn."""
+    return [dataclasses.replace(p, name=p.name + _ending(wave)) for wave in range(waves) for p in parameters]
