@@ -59,3 +59,11 @@ def test_the_noise_is_what_the_best_fit_leaves(bench, found) -> None:
     found.rescale(bench.shooting.dof)
     assert 1.0 <= found.score.scale < 1.3
     assert found.score.mismatch > 100
+
+
+def test_parts_of_a_set_are_fitted_while_another_one_has_become_the_best(bench, found) -> None:
+    whole = bench.fit("viscous_friction", 0.05)
+    found.add([dataclasses.replace(whole, effects=(), values=(), chi2=0.5 * whole.chi2)])
+    assert found.best.effects == ()
+    part = fitted(bench.shooting, found, whole.effects, whole)
+    assert part.chi2 == pytest.approx(whole.chi2, rel=1e-3)

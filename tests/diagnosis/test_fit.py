@@ -4,7 +4,7 @@ import dataclasses
 
 import numpy as np
 
-from torch_activegp.diagnosis.fit import difference_steps
+from torch_activegp.diagnosis.fit import difference_steps, inside
 
 
 def test_a_fit_says_what_to_simulate(bench) -> None:
@@ -24,3 +24,18 @@ def test_a_fit_says_what_to_simulate(bench) -> None:
 def test_the_nominal_has_nothing(bench) -> None:
     assert (bench.nominal.size, bench.nominal.keys, bench.nominal.candidate.effects) == (0, frozenset(), ())
     assert difference_steps((), np.zeros(0)).shape == (0,)
+
+
+def test_a_set_holds_a_smaller_one_and_linear_effects_that_do_nothing(bench) -> None:
+    below = bench.fit("viscous_friction", 0.05)
+    drag, wet, late = bench.effect("quadratic_drag"), below.effects[0], bench.effect("actuator_delay", "actuator:drive")
+    guess = np.array([0.4])
+    found = inside((drag, wet), (guess, guess), below)
+    assert found is not None
+    assert found[0] == below.chi2
+    assert found[1].tolist() == [0.0, below.values[0][0]]
+    np.testing.assert_array_equal(found[2], below.starts)
+    assert inside((wet, late), (guess, guess), below) is None
+    assert inside((drag,), (guess,), below) is None
+    assert inside((wet,), (guess,), below) is None
+    assert inside((wet,), (guess,), None) is None

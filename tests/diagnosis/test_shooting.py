@@ -22,7 +22,6 @@ def test_a_fit_finds_the_parameter_from_afar(bench) -> None:
     assert fit.values[0][0] == pytest.approx(bench.viscous, rel=0.05)
     assert fit.chi2 / bench.shooting.dof == pytest.approx(1.0, abs=0.2)
     assert (fit.size, fit.keys) == (1, {("viscous_friction", "joint:hip")})
-    assert fit.steps()[0] == bench.effect("viscous_friction").parameters[0].scale
 
 
 def test_fits_side_by_side_equal_fits_alone(bench) -> None:
@@ -110,3 +109,13 @@ def test_a_hopeless_set_is_given_up_in_a_race(bench) -> None:
     best = min(fits, key=lambda fit: fit.chi2)
     assert best.keys == {("viscous_friction", "joint:hip")}
     assert best.chi2 == pytest.approx(bench.fit("viscous_friction", 0.02).chi2, abs=0.2)
+
+
+def test_a_first_guess_that_makes_it_worse_is_left_for_the_smaller_set(bench) -> None:
+    """A rotor guessed far too heavy, in segments whose states were fitted without it."""
+    effects, guess = (bench.effect("viscous_friction"), bench.effect("armature_error")), 30.0
+    below = bench.fit("viscous_friction", 0.02)
+    some = [(effects, (below.values[0], np.array([guess])))]
+    (led,) = bench.shooting.fit(some, below.starts, design=below.design, rounds=8)
+    (left,) = bench.shooting.fit(some, below.starts, design=below.design, rounds=8, below=below)
+    assert left.chi2 <= below.chi2 < led.chi2

@@ -58,12 +58,12 @@ class Selection:
         self.score = dataclasses.replace(self.score, scale=scale, mismatch=mismatch)
 
 
-def fitted(shooting: Shooting, selection: Selection, effects: Sequence[Effect]) -> Fit:
-    """The fit of a part of the best set, which may have been compared already.
+def fitted(shooting: Shooting, selection: Selection, effects: Sequence[Effect], whole: Fit | None = None) -> Fit:
+    """The fit of a part of a set, the best one unless said, which may have been compared already.
 
     A set contains the nominal. One that fits worse was given up in a race, or got stuck, and is fitted from there.
     """
-    best, nominal = selection.best, selection.nominal
+    best, nominal = whole or selection.best, selection.nominal
     fit = selection.of(effects)
     values = dict(zip(best.effects, best.values, strict=True))
     if fit is None:
@@ -89,7 +89,7 @@ def without_each(selection: Selection, shooting: Shooting) -> list[tuple[Effect,
     for effect, rest in rests.items():
         fit = selection.of(rest)
         if fit is None or fit.chi2 > selection.nominal.chi2:
-            sound = selection.add([fitted(shooting, selection, rest)])
+            sound = selection.add([fitted(shooting, selection, rest, best)])
             fit = sound[0] if sound else None
         if fit is not None:
             smaller.append((effect, fit))
