@@ -230,3 +230,5 @@ def test_cogging_that_comes_once_more_is_one_effect_of_two_waves(bench) -> None:
     (third,), (more,) = join(dataclasses.replace(fit, effects=(effect,), values=(values,)), [atom])
     assert third is effect.more and len(more) == 9
     assert third.more is None
+    full = dataclasses.replace(fit, effects=(third,), values=(more,))
+    assert join(full, [atom])[0] == (third,)

@@ -55,3 +55,12 @@ def test_more_waves_are_one_law(bench: Any) -> None:
     assert law["amplitude_2"] == pytest.approx(np.hypot(0.1, 0.2))
     assert law["phase_3"] == 0.0
     assert [p.name for p in two.parameters] == ["sine", "cosine", "sine_2", "cosine_2", "periods", "periods_2"]
+
+
+@pytest.mark.parametrize(("second", "told"), [(8.4, False), (8.8, True), (5.6, False), (5.2, True)])
+def test_waves_are_so_far_apart_that_the_range_tells_them(bench: Any, second: float, told: bool) -> None:
+    one = Cogging.at(dataclasses.replace(bench.shoulder, position=(-2.0, 2.0)), bench.model)
+    first = np.array([0.3, 0.2, 7.0])
+    assert one.plausible(first)
+    assert one.family()[1].plausible(one.once_more(first, np.array([0.1, 0.1, second]))) == told
+    assert one.family()[1].parameters[-1].low == pytest.approx(3 * 2 * np.pi / 4)

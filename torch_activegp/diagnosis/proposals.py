@@ -100,13 +100,12 @@ def join(fit: Fit, atoms: Iterable[Atom]) -> Set:
     """
     effects, values = list(fit.effects), list(fit.values)
     for atom in atoms:
-        again = [i for i, e in enumerate(effects) if e.key == atom.effect.key and e.more is not None]
-        for i in again:
-            twice = effects[i].more
-            assert twice is not None
-            values[i] = effects[i].once_more(values[i], atom.values)
-            effects[i] = twice
-        if again:
+        there = [i for i, e in enumerate(effects) if e.key == atom.effect.key]
+        for i in there:
+            if (twice := effects[i].more) is not None:  # else it acts as often as it may
+                values[i] = effects[i].once_more(values[i], atom.values)
+                effects[i] = twice
+        if there:
             continue
         more = atom.values.copy()
         inside = [i for i, e in enumerate(effects) if e.target == atom.effect.target and e.name in atom.effect.covers]

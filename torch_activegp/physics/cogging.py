@@ -57,13 +57,19 @@ class Cogging(JointEffect):
         made: Self | None = None
         for waves in range(_WAVES, 0, -1):
             low = least if waves == 1 else max(least, _SEEN_TO_REPEAT * 2 * np.pi / width)
-            count = Parameter("periods", unit, 0.5 * np.pi / width, low=low, place=True)
+            quarter = 0.5 * np.pi / width
+            count = Parameter("periods", unit, quarter, low=low, place=True)
             parameters = (*_numbered((sine, cosine), waves), *_numbered((count,), waves))
             seeds = [[scale, scale, n] for n in periods] if waves == 1 else [[scale] * 2 * waves + periods[:1] * waves]
             several = {"variant": f"{waves} waves", "stands_in": True} if waves > 1 else {}
             made = cls.make(place, parameters, seeds, linear=2 * waves, more=made, **several)
         assert made is not None
         return made
+
+    def plausible(self, values: Array) -> bool:
+        """Whether the range tells the waves apart: two of nearly the same number make a bump in one place."""
+        resolved = 4.0 * self.parameters[-1].scale
+        return bool((np.diff(np.sort(values[self.linear :])) >= resolved).all())
 
     def once_more(self, values: Array, added: Array) -> Array:
         """Amplitudes, then periods; see :meth:`Effect.once_more`."""
