@@ -106,6 +106,18 @@ def test_less_may_be_left_where_it_is_large_against_the_noise(bench, monkeypatch
     assert judged.verdict == verdict
 
 
+@pytest.mark.parametrize(("many", "verdict"), [(1, "unknown"), (2, "named")])
+def test_less_may_be_left_behind_many_names(bench, monkeypatch, many: int, verdict: str) -> None:
+    effect = bench.effect("viscous_friction")
+    most = bench.shooting.fit([((effect,), (np.array([0.045]),))], bench.nominal.starts, hold=True)[0]
+    monkeypatch.setattr("torch_activegp.diagnosis.judge.MANY", many)
+    monkeypatch.setattr("torch_activegp.diagnosis.judge.SEEN", 0.15)
+    monkeypatch.setattr("torch_activegp.diagnosis.judge.VISIBLE", 1e-3)
+    judged = judge(bench.shooting, selection(bench, most))
+    assert 0.04 < judged.unexplained < 0.15
+    assert judged.verdict == verdict
+
+
 def test_much_of_the_rest_is_named_however_little_of_the_whole(bench) -> None:
     effects = (bench.effect("constant_force"), bench.effect("viscous_friction"))
     both = bench.shooting.fit([(effects, (np.array([0.0]), np.array([0.05])))], bench.nominal.starts)[0]

@@ -27,6 +27,8 @@ INADEQUATE = 0.15
 """A set that leaves more of the mismatch than this does not explain it."""
 SEEN = 0.08
 """The same where what is left is large against the noise too. Sets with the right names leave up to 0.04."""
+MANY, SEEN_BEHIND_MANY = 3, 0.03
+"""The same behind so many names: together they imitate much that is not on the list."""
 CROWDED = 0.04
 """The same where as many names as are tried leave it, and none of it may be left where there are more."""
 ALIKE = 0.002
@@ -140,7 +142,8 @@ def judge(shooting: Shooting, selection: Selection) -> Judgement:
     ties = tuple((*_ties(rivals, best, effect), *as_two(rivals, best, effect)) for effect in order)
     p_value = min(before.p_value, float(stats.chi2.sf(gain / score.scale, best.size)) * score.names)
     crowded = len(order) > MAX_EFFECTS or (len(order) == MAX_EFFECTS and unexplained > CROWDED)
-    most = SEEN if _visible(shooting, after) else INADEQUATE
+    seen = SEEN if len(order) < MANY else SEEN_BEHIND_MANY
+    most = seen if _visible(shooting, after) else INADEQUATE
     if after.p_value < DOUBT and (crowded or (unexplained > most and not filtered)):
         verdict = "unknown" if crowded or _visible(shooting, before) else "none"
     else:
