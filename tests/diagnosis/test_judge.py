@@ -140,7 +140,8 @@ def test_a_friction_of_two_levels_may_be_one_level_and_a_push(bench) -> None:
     two = dataclasses.replace(
         one, effects=(dry, push, wet), values=(np.array([0.005]), np.array([0.001]), one.values[1])
     )
-    for chi2, names in ((one.chi2, {dry.key, push.key}), (1.01 * one.chi2, set())):
+    both = {dry.key, push.key}
+    for chi2, names in ((one.chi2, both), (0.99 * one.chi2, both), (1.01 * one.chi2, set())):
         rivals = [(one, 0.0, 1.0), (dataclasses.replace(two, chi2=chi2), 20.0, 0.0)]
         assert set(as_two(rivals, one, rich)) == names
         assert as_two(rivals, one, wet) == ()

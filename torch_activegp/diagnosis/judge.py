@@ -32,7 +32,7 @@ MANY, SEEN_BEHIND_MANY = 3, 0.03
 CROWDED = 0.04
 """The same where as many names as are tried leave it, and none of it may be left where there are more."""
 ALIKE = 0.002
-"""Two ways to say the same differ in chi2 by no more: what their fits are short of."""
+"""Two names that say the same as one leave no more by this part, what fits are short of; less is no objection."""
 SURE = 1e-5
 DOUBT = 0.01
 VISIBLE = 0.3
@@ -238,7 +238,7 @@ def as_two(rivals: Sequence[tuple[Fit, float, float]], best: Fit, effect: Effect
     others, dry = best.keys - {effect.key}, ("coulomb_friction", effect.target)
     for fit, _, _ in rivals[1:]:
         swapped = fit.keys - others
-        alike = abs(fit.chi2 - best.chi2) < ALIKE * best.chi2
+        alike = fit.chi2 - best.chi2 < ALIKE * best.chi2
         if alike and effect.name == TWO_SIDED and others <= fit.keys and len(swapped) == 2 and dry in swapped:
             return tuple(sorted(swapped))
     return ()
