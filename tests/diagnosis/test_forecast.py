@@ -65,3 +65,21 @@ def test_a_model_that_fails_gets_a_huge_error_instead_of_nan(bench) -> None:
     wild = Candidate((bench.effect("linear_spring"),), (np.array([-1e9]),))
     overall, _ = compare({"before": (bench.engine, wild)}, bench.machine.holdout, ["hip"], bench.shooting.noise)
     assert overall["free_run"]["before"] > 1e3
+
+
+@pytest.mark.parametrize(("name", "value"), [("sensor_delay", 0.03), ("sensor_bias", 0.2), ("sensor_gain", 0.3)])
+def test_one_step_begins_where_the_machine_was_and_not_where_a_wrong_sensor_saw_it(bench, truth, name, value) -> None:
+    """The same motion, read by a sensor with an effect: behind that effect the model is as right as before."""
+    run = bench.machine.holdout[0]
+    effect, values = bench.effect(name, "sensor:hip"), np.array([value])
+    read = {
+        "sensor_delay": np.interp(run.time - value, run.time, run.smooth[:, 0]),
+        "sensor_bias": run.smooth[:, 0] + value,
+        "sensor_gain": run.smooth[:, 0] * (1.0 + value),
+    }[name][:, None]
+    seen = dataclasses.replace(run, position=read, smooth=read, velocity=np.gradient(read, run.time, axis=0))
+    behind = Candidate((*truth.effects, effect), (*truth.values, values))
+    errors = one_step(bench.engine, behind, seen)[1:-1]
+    unaware = one_step(bench.engine, truth, seen)[1:-1]
+    assert np.abs(errors).max() < 30 * bench.noise
+    assert (unaware**2).mean() > 4 * (errors**2).mean()

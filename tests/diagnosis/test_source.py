@@ -70,3 +70,20 @@ def test_a_model_that_was_not_loaded_last_is_refused(bench, other) -> None:
 def test_anything_else_is_refused(model, words) -> None:
     with pytest.raises(ConfigurationError, match=words):
         read_source(model)
+
+
+TETRAHEDRON = "v 0 0 0\nv 1 0 0\nv 0 1 0\nv 0 0 1\nf 1 3 2\nf 1 2 4\nf 2 3 4\nf 1 4 3\n"
+
+
+@pytest.mark.parametrize("folder", ["", "assets"])
+def test_a_model_finds_its_meshes_from_wherever_it_is_written_to(bench, tmp_path, folder: str) -> None:
+    (tmp_path / "robot" / folder).mkdir(parents=True)
+    (tmp_path / "robot" / folder / "tip.obj").write_text(TETRAHEDRON)
+    compiler = f'<compiler meshdir="{folder}"/>' if folder else ""
+    mesh = f'{compiler}<asset><mesh name="tip" file="tip.obj"/></asset><worldbody>'
+    xml = bench.xml.replace("<worldbody>", mesh).replace("</body>", '<geom type="mesh" mesh="tip" mass="0"/></body>')
+    (tmp_path / "robot" / "arm.xml").write_text(xml)
+    source = read_source(tmp_path / "robot" / "arm.xml")
+    (tmp_path / "out").mkdir()
+    (tmp_path / "out" / "corrected.xml").write_text(source.spec.to_xml())
+    assert mujoco.MjModel.from_xml_path(str(tmp_path / "out" / "corrected.xml")).nmesh == 1

@@ -47,3 +47,8 @@ def test_ties_of_several_effects_are_told_apart() -> None:
     assert text.endswith(
         "cannot tell a at joint:hip from b at joint:hip and d at joint:hip from b at joint:hip or e at world."
     )
+
+
+def test_an_error_that_grows_is_not_said_to_fall() -> None:
+    worse = {"fit": {"holdout": {"free_run": {"before": 0.1, "after": 0.2, "noise": 0.009}}}, "location": []}
+    assert "rises from 0.1 to 0.2" in sentence("named", [named("a", 0.9)], worse)

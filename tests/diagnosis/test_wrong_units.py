@@ -56,3 +56,10 @@ def test_a_model_that_lacks_as_much_as_it_has_is_no_unit(bench) -> None:
     """Forces three times too weak, in radians: in degrees it would fit no better than it does."""
     weak = [dataclasses.replace(run, control=run.control / 3.0) for run in scaled(bench, 1.0)]
     check(bench, weak)
+
+
+def test_the_run_that_is_in_degrees_is_named(bench) -> None:
+    right, wrong = scaled(bench, 1.0), scaled(bench, 180 / np.pi)
+    mixed = [right[0], dataclasses.replace(wrong[1], label="bad")]
+    with pytest.raises(DataError, match=r"^bad, column `qpos\.hip`"):
+        check(bench, mixed)

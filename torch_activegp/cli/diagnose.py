@@ -142,7 +142,7 @@ def _say(text: str, to: Any = results) -> None:
 def _show(found: Values) -> None:
     _show_effects(found)
     rest = (found.get("unexplained") or {}).get("share")
-    if is_number(rest):
+    if is_number(rest) and found.get("verdict") != "none":
         _say(f"Not explained: {percent(rest)} of the mismatch.")
     held_out = (found.get("fit") or {}).get("holdout") or {}
     if any(held_out.get(key) for key in _FORECASTS):

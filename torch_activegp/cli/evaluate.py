@@ -38,8 +38,9 @@ def evaluate(
     After a diagnosis:  `torch-activegp evaluate runs/diagnose-arm/corrected.xml run4.csv`
 
     Errors are root mean squares over the recorded positions, in standard deviations of what was measured (1: as bad as
-    the mean; 0: right): one step ahead, and free, from the first state to the end. Next to each stands what measurement
-    noise alone would leave.
+    the mean; 0: right): one step of 0.1 s ahead, and free, from the first state to the end. Next to each stands the
+    noise of the measurement. A free run of the right model comes down to it; one step does not, for it begins at a
+    velocity that is smoothed from noisy positions.
     """
     if out is not None:
         check_free(out.parent, [glob.escape(out.name)])

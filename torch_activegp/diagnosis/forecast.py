@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 from collections.abc import Sequence
 from typing import Any
 
@@ -12,6 +13,7 @@ from torch_activegp.diagnosis.noise_model import NoiseModel
 from torch_activegp.diagnosis.runs import Array, Run
 from torch_activegp.diagnosis.segments import cut
 from torch_activegp.diagnosis.shooting import Shooting
+from torch_activegp.physics.sensing import SensorEffect
 
 STEP = 0.1
 """One step ahead means at least this long, s: in one sample a machine hardly moves by more than the noise."""
@@ -20,15 +22,29 @@ _ROUNDS = 5
 
 
 def one_step(engine: Engine, candidate: Candidate, run: Run) -> Array:
-    """Errors one step ahead, from states smoothed without a model, ``(N, C)``, rad or m."""
+    """Errors one step ahead, from states smoothed without a model, ``(N, C)``, rad or m.
+
+    The states are where the machine was behind what its sensors read.
+    """
     step = float(np.median(run.dt))
     segments = cut([run], max(STEP, step), 0.0)
-    predicted, _ = engine.predict(segments, engine.starts(segments)[None], [candidate])
+    starts = engine.starts(dataclasses.replace(segments, runs=(_actual(run, candidate),)))
+    predicted, _ = engine.predict(segments, starts[None], [candidate])
     last = np.array([np.flatnonzero(row)[-1] if row.any() else 0 for row in segments.counts])
     index = np.arange(segments.size)
     reached = np.minimum(last + 1, np.minimum(segments.intervals, len(run) - 1 - segments.first))
     errors = segments.position[index, reached] - predicted[0, index, reached]
     return np.asarray(errors[segments.counts.any(axis=1)])
+
+
+def _actual(run: Run, candidate: Candidate) -> Run:
+    """A run whose smoothed motion is the machine's, behind the candidate's effects on sensors."""
+    smooth, velocity = run.smooth.copy(), run.velocity.copy()
+    for effect, values in zip(candidate.effects, candidate.values, strict=True):
+        if isinstance(effect, SensorEffect) and type(effect).actual is not SensorEffect.actual:
+            c = effect.channel
+            smooth[:, c], velocity[:, c] = effect.actual(run.time, smooth[:, c], velocity[:, c], values)
+    return dataclasses.replace(run, smooth=smooth, velocity=velocity)
 
 
 def free_run(

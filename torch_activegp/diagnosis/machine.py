@@ -74,6 +74,7 @@ def make_machine(
     _refuse_constant(fit, channels)
     if box is None and channels.prescribed is None:
         check_units(model, channels, fit)
+        check_units(model, channels, kept)
     if box is not None:
         check_recordings(box, [*recordings, *holdout])
         check_clock(box, [*fit, *kept])

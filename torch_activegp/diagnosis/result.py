@@ -31,7 +31,8 @@ class Estimate:
 
     def __str__(self) -> str:
         low, high = self.ci95
-        return f"{self.value:.4g} {self.unit} [{low:.4g}, {high:.4g}]"
+        unit = "" if self.unit == "1" else f" {self.unit}"
+        return f"{self.value:.4g}{unit} [{low:.4g}, {high:.4g}]"
 
 
 @dataclasses.dataclass(frozen=True)

@@ -83,8 +83,8 @@ class Segments:
         return np.asarray(per_segment > much * self.samples)
 
     def centers(self) -> Array:
-        """The time at the middle of each segment, ``(S,)``, s."""
-        return np.array([self.runs[r].time[f] for r, f in zip(self.run, self.first, strict=True)]) + self.dt.sum(1) / 2
+        """The time at the middle of the scored part of each segment, ``(S,)``, s."""
+        return np.array([self.runs[r].time[ends].mean() for r, ends in zip(self.run, self.scored, strict=True)])
 
 
 def cut(runs: Sequence[Run], seconds: float, pad: float) -> Segments:

@@ -65,7 +65,16 @@ def read_source(model: object) -> Source:
     if isinstance(model, str) and model.lstrip().startswith("<"):
         return Source(compiled, mujoco.MjSpec.from_string(model), "MJCF text", "MJCF text")
     spec = mujoco.MjSpec.from_file(str(model))
+    _root_assets(spec, Path(model).resolve().parent)
     return Source(compiled, spec, Path(model).name, str(model))
+
+
+def _root_assets(spec: mujoco.MjSpec, folder: Path) -> None:
+    """Lets the model find its meshes and pictures wherever its text is written to."""
+    if any(asset.file for asset in (*spec.meshes, *spec.hfields, *spec.skins)):
+        spec.meshdir = str(folder / spec.meshdir)
+    if any(texture.file or any(texture.cubefiles) for texture in spec.textures):
+        spec.texturedir = str(folder / spec.texturedir)
 
 
 def _decompiled(model: mujoco.MjModel) -> mujoco.MjSpec:

@@ -25,7 +25,8 @@ def sentence(verdict: str, effects: Sequence[NamedEffect], details: Mapping[str,
     share = sum(effect.share for effect in effects)
     names = _joined([f"{effect.name} at {effect.target}" for effect in effects])
     error = details["fit"]["holdout"]["free_run"]
-    better = f"with it, the free-run error on held-out runs falls from {error['before']:.3g} to {error['after']:.3g}"
+    moves = "falls" if error["after"] <= error["before"] else "rises"
+    better = f"with it, the free-run error on held-out runs {moves} from {error['before']:.3g} to {error['after']:.3g}"
     noise = f"(noise {error['noise']:.2g})"
     text = f"The simulator leaves out {names}, explaining {share:.0%} of the mismatch; {better} {noise}"
     if verdict == "tie":

@@ -67,11 +67,23 @@ def check_units(model: mujoco.MjModel, channels: Channels, runs: Sequence[Run]) 
         after = float((others / base)[which].max()) if (base > 0.0).all() else np.inf
         if after < _GOOD and before > _BETTER * after:
             joint = channels.joints[int(np.flatnonzero(which)[0])]
+            worst = _worst(model, channels, runs, which)
             raise DataError(
-                f"{runs[0].label}, column `qpos.{joint}`: rad or m wanted, but this motion would take {before:.0f} "
+                f"{worst}, column `qpos.{joint}`: rad or m wanted, but this motion would take {before:.0f} "
                 f"times the forces that the model has; in {unit} it would not. Name the unit in a column map "
                 f'(--columns MAP.toml): qpos.{joint} = {{ column = "qpos.{joint}", unit = "{unit}" }}.'
             )
+
+
+def _worst(model: mujoco.MjModel, channels: Channels, runs: Sequence[Run], which: NDArray[np.bool_]) -> str:
+    """The run whose motion of some joints takes most beyond the forces that the model has."""
+    beyond = np.zeros(len(runs))
+    for number, run in enumerate(runs):
+        motion = _motion([run])
+        if motion is not None:
+            missing, there = _forces(model, channels, motion, np.ones(len(channels.joints)))
+            beyond[number] = (missing / np.maximum(there, 1e-300))[which].max()
+    return runs[int(np.argmax(beyond))].label
 
 
 def _guesses(channels: Channels) -> Iterator[tuple[str, float, NDArray[np.bool_]]]:

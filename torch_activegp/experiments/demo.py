@@ -126,12 +126,13 @@ def integrate(secret: Secret, control: np.ndarray, start: tuple[float, float]) -
     """
     true = {choice.name: 0.0 for choice in CHOICES} | {secret.name: secret.value}
     gain, limit = true["actuator_gain"] or 1.0, true["actuator_saturation"] or math.inf
-    late = round(true["actuator_delay"] * RATE * _STEPS)
+    late, part = divmod(true["actuator_delay"] * RATE * _STEPS, 1.0)
     motor = [gain * min(max(float(u), -limit), limit) for u in control]
     q, v = start
     angles = [q]
     for step in range((len(control) - 1) * _STEPS):
-        q, v = _advance(true, motor[max(step - late, 0) // _STEPS], (q, v), 1.0 / (RATE * _STEPS))
+        before, now = (motor[max(step - int(late) - more, 0) // _STEPS] for more in (1, 0))
+        q, v = _advance(true, part * before + (1.0 - part) * now, (q, v), 1.0 / (RATE * _STEPS))
         if (step + 1) % _STEPS == 0:
             angles.append(q)
     return np.array(angles)
