@@ -67,7 +67,8 @@ print(f"noise of the encoder: {noise:.2g} rad, true {NOISE:.2g}")
 # %%
 # The corrected model
 # -------------------
-# MJCF can hold this effect, so ``corrected.xml`` is your model with one more attribute. ``report.html`` shows the
+# MJCF can hold this effect, so ``corrected.xml`` is your model with one more attribute, in the words in which MuJoCo
+# writes models; ``report.html`` holds the difference, to copy into your own file. It also shows the
 # evidence; it is one file that needs no network. ``next.csv`` holds controls under which the best two explanations
 # would differ most. ``diagnosis.corrected`` is the same as a simulator: step it, plan with it, make it a GP's mean.
 
