@@ -150,3 +150,11 @@ def test_late_controls_make_euler_second_order(clean, stride) -> None:
         shooting = dataclasses.replace(clean.shooting, engine=engine, segments=segments)
         errors[late] = shooting.fit([((), ())], clean.nominal.starts)[0].chi2
     assert errors[True] < 0.05 * errors[False]
+
+
+def test_work_is_counted_in_time_steps(bench) -> None:
+    rows = bench.segments.size * bench.segments.intervals
+    for integrator, times in ((0, 1), (int(mujoco.mjtIntegrator.mjINT_RK4), 4)):
+        engine = Engine(bench.engine.model, bench.engine.channels, 3, 1, integrator)
+        engine.predict(bench.segments, bench.nominal.starts[None], [NOMINAL])
+        assert engine.work == rows * 3 * times

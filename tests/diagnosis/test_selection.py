@@ -122,3 +122,13 @@ def test_a_mass_anywhere_along_its_body_is_one_name_where_two_others_would_do(be
     begun = [(two, [np.array([-0.01]), np.array([-1.0])])]
     for sets in ((), begun):
         assert select(shooting, effects, nominal, sets).best.keys == {("payload_mass", "body:rod")}
+
+
+def test_a_search_ends_where_it_has_computed_enough(bench) -> None:
+    effects, begun = [bench.effect(name) for name in NAMES], bench.shooting.work
+    short = select(bench.shooting, effects, bench.nominal, depth=Depth(work=1.0))
+    middle = bench.shooting.work
+    whole = select(bench.shooting, effects, bench.nominal)
+    assert (short.cut_short, whole.cut_short) == (True, False)
+    assert short.best.keys == whole.best.keys == {("viscous_friction", "joint:hip")}
+    assert 1.0 < middle - begun < 0.8 * (bench.shooting.work - middle)

@@ -21,11 +21,13 @@ class Selection:
         nominal: the fit without effects.
         fits: all fits by their effects.
         score: how they compare.
+        cut_short: whether sets that could still have become the best were not developed.
     """
 
     nominal: Fit
     fits: list[Fit]
     score: Score
+    cut_short: bool = False
 
     @property
     def best(self) -> Fit:

@@ -36,6 +36,11 @@ from torch_activegp.physics.effect import Effect
 _WORTH_LEARNING = 0.03
 """A remainder of a smaller part of the mismatch is not modelled."""
 
+_CUT_SHORT = (
+    "This machine is slow to simulate: the search ended when it had computed forty million time steps. Further effects "
+    "on top of those found, or others in their place, were not all tried."
+)
+
 Tell = Callable[[str, float | None], None]
 
 
@@ -136,7 +141,7 @@ def _report(
         "next_experiment": None if proposal is None else proposal[0],
         "model": {"name": source.name, "source": source.path},
         "recordings": _recordings(machine),
-        "notes": [*machine.notes, *_numerics_note(explanation), *_remainder_note(outcome), *verdict.notes],
+        "notes": [*machine.notes, *_search_notes(explanation), *_remainder_note(outcome), *verdict.notes],
         "rivals": _rivals(explanation, judgement),
         "retuned": _retuned(explanation, judgement),
         "mjcf_diff": difference if chosen.effects else None,
@@ -262,6 +267,10 @@ def _recordings(machine: Machine) -> list[dict[str, Any]]:
         for role, runs in (("fit", machine.fit), ("holdout", machine.holdout))
         for run in runs
     ]
+
+
+def _search_notes(explanation: Explanation) -> list[str]:
+    return [*_numerics_note(explanation), *([_CUT_SHORT] if explanation.selection.cut_short else [])]
 
 
 def _numerics_note(explanation: Explanation) -> list[str]:

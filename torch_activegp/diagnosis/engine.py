@@ -30,6 +30,7 @@ _MAX_ROWS = 6000
 _FEW = 64
 _MAX_BYTES = 60_000_000
 _Disable = mujoco.mjtDisableBit
+_RUNGE_KUTTA = mujoco.mjtIntegrator.mjINT_RK4
 
 
 class Engine:
@@ -75,6 +76,8 @@ class Engine:
         self.nthread = nthread
         self.stride = stride if model.nq == model.nv else 1
         self.late = late
+        self.work = 0.0
+        """Time steps that it has computed; those of Runge-Kutta count four times."""
         self._fields: dict[bool, _Fields] = {}
 
     @property
@@ -139,6 +142,7 @@ class Engine:
         batch.bind("qpos")[:rows], batch.bind("qvel")[:rows] = flat[:, : model.nq], flat[:, model.nq :]
         batch.warning[:rows] = 0
         edges = [*range(0, intervals, self.stride), intervals]
+        self.work += rows * (len(edges) - 1) * self.substeps * (4 if model.opt.integrator == _RUNGE_KUTTA else 1)
         lengths = np.add.reduceat(segments.dt, edges[:-1], axis=1) / self.substeps
         steps = np.broadcast_to(lengths, (count, *lengths.shape)).reshape(rows, -1)
         acting = [*self._following(segments, lengths, starts[0]), *acting]

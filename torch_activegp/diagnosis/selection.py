@@ -45,6 +45,9 @@ _CHEAP = 60
 _PLENTY = 400.0
 _COMPANY = 40
 _ROUNDS = 10
+_PATIENCE = 40e6
+"""Most cases compute a few million time steps for a search; machines that strike something, ten or a hundred times so
+many, in which the last names cost most and say least."""
 _MORE = 20.0
 
 
@@ -54,10 +57,12 @@ class Depth(NamedTuple):
     Args:
         rounds: how often the best sets are developed.
         swaps: how often others are tried in place of each effect.
+        work: time steps to compute before no further set is developed.
     """
 
     rounds: int = 2 * MAX_EFFECTS
     swaps: int = SWAPS
+    work: float = _PATIENCE
 
 
 def select(
@@ -83,6 +88,7 @@ def select(
         depth: of the search; to its end where there is none.
     """
     depth = depth or Depth()
+    depth = depth._replace(work=shooting.work + depth.work)
     names = len({effect.key for effect in effects})
     selection = Selection(nominal, [nominal], Score(shooting.samples, names, 1.0, free=free))
     if sets:
@@ -112,6 +118,9 @@ def _search(
     swapped: frozenset[Effect] = frozenset()
     swaps = 0
     for _ in range(depth.rounds):
+        if shooting.work > depth.work:
+            selection.cut_short = True
+            break
         beam = [f for f in selection.ranked() if frozenset(f.effects) not in expanded]
         beam = [f for f in beam[:BEAM] if selection.score(f) <= selection.score(selection.best) + selection.score.slack]
         hopeless = _hopeless(selection, shooting, 1)

@@ -41,6 +41,11 @@ class Shooting:
         return self.cheap or self.engine
 
     @property
+    def work(self) -> float:
+        """Time steps that its engines have computed, :attr:`Engine.work`."""
+        return self.engine.work + (self.cheap.work if self.cheap is not None else 0.0)
+
+    @property
     def samples(self) -> int:
         """Number of recorded positions that count."""
         return int(self.segments.counts.sum()) * self.segments.position.shape[-1]
