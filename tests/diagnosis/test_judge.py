@@ -4,11 +4,9 @@ import dataclasses
 
 import numpy as np
 import pytest
-from scipy.signal import lfilter
 
 from torch_activegp.diagnosis.compared import Selection
-from torch_activegp.diagnosis.judge import Omnibus, as_two, judge, omnibus
-from torch_activegp.diagnosis.noise_model import NoiseModel
+from torch_activegp.diagnosis.judge import as_two, judge, omnibus
 from torch_activegp.diagnosis.score import Score
 
 
@@ -157,29 +155,3 @@ def test_more_must_be_left_without_a_name_where_a_filter_of_the_noise_cannot_be_
     monkeypatch.setattr("torch_activegp.diagnosis.judge.VISIBLE", 1e-4)
     alone = Selection(bench.nominal, [bench.nominal], Score(shooting.samples, 20, 1.0))
     assert judge(shooting, alone).verdict == verdict
-
-
-@pytest.mark.parametrize(
-    ("slow", "pole", "verdict"), [(2.0, 0.7, "named"), (0.9, 0.7, "unknown"), (2.0, 0.0, "unknown")]
-)
-def test_noise_behind_a_filter_that_slow_recordings_do_not_show_is_no_mismatch(
-    bench, monkeypatch, slow: float, pole: float, verdict: str
-) -> None:
-    """An error as a filter makes it, and an oscillation that none makes, where 100 Hz are slow or not."""
-    fit = bench.fit("viscous_friction", 0.05)
-    exact = bench.engine.predict(bench.segments, fit.starts[None], [fit.candidate])[0][0]
-    rng = np.random.default_rng(2)
-    fresh = rng.normal(size=exact.shape)
-    error = lfilter([1.0], [1.0, -pole], fresh, axis=1)
-    if not pole:
-        error = 0.1 * fresh + np.sin(2 * np.pi * 0.06 * np.arange(exact.shape[1]))[:, None]
-    error /= error.std()
-    segments = dataclasses.replace(bench.segments, position=exact + 1e-3 * error)
-    shooting = dataclasses.replace(bench.shooting, segments=segments, noise=NoiseModel.white(np.array([4e-4])))
-    monkeypatch.setattr("torch_activegp.diagnosis.judge.UNSEEN", 1 / (100 * slow))
-    monkeypatch.setattr("torch_activegp.diagnosis.judge.omnibus", lambda *_: Omnibus(0.3 * gain, 1e-9))
-    gain = 20.0 * shooting.dof
-    chosen = Selection(
-        dataclasses.replace(fit, effects=(), values=(), chi2=fit.chi2 + gain), [fit], Score(shooting.samples, 20, 1.0)
-    )
-    assert judge(shooting, chosen).verdict == verdict

@@ -15,7 +15,7 @@ ROTOR = """<mujoco><option timestep="0.005" integrator="RK4"/><worldbody><body>
 </worldbody><actuator><motor name="coil" joint="shaft"/></actuator></mujoco>"""
 
 
-def turned(seed: int, waves: list[tuple[float, float, float]]) -> dict[str, np.ndarray]:
+def turned(seed: int, waves: list[tuple[float, float, float]], middle: float = 0.0) -> dict[str, np.ndarray]:
     """Columns of a run: J a = u - c v + sum A sin(N q + phase), by Runge-Kutta, with white noise on the angle."""
     rng = np.random.default_rng(seed)
     time = np.arange(301) / 100
@@ -25,7 +25,7 @@ def turned(seed: int, waves: list[tuple[float, float, float]]) -> dict[str, np.n
         force = sum(size * np.sin(count * x[0] + phase) for size, count, phase in waves)
         return np.array([x[1], (u - 0.02 * x[1] + force) / 0.01])
 
-    x, angles, h = np.zeros(2), [], 1 / 500
+    x, angles, h = np.array([middle, 0.0]), [], 1 / 500
     for u in control:
         angles.append(x[0])
         for _ in range(5):
@@ -34,6 +34,18 @@ def turned(seed: int, waves: list[tuple[float, float, float]]) -> dict[str, np.n
             c = slope(x + h / 2 * b, u)
             x = x + h / 6 * (a + 2 * b + 2 * c + slope(x + h * c, u))
     return {"time": time, "qpos.shaft": np.array(angles) + 2e-4 * rng.normal(size=301), "ctrl.coil": control}
+
+
+@pytest.mark.parametrize(("periods", "middle"), [(14.0, 0.0), (20.0, 0.0), (28.0, 0.0), (30.0, 0.0), (14.0, 30.0)])
+def test_one_wave_of_any_number_anywhere_is_one_wave(periods: float, middle: float) -> None:
+    waves = [(0.03, periods, 0.3 - periods * middle)]
+    runs = [Recording.from_columns(f"run{i}", turned(i, waves, middle)) for i in range(3)]
+    found = diagnose(ROTOR, runs, [Recording.from_columns("kept", turned(9, waves, middle))], nthread=1)
+    assert [(effect.name, effect.target) for effect in found.effects] == [("cogging", "joint:shaft")]
+    law = found.effects[0].parameters
+    assert set(law) == {"amplitude", "periods", "phase"}
+    assert law["periods"].value == pytest.approx(periods, abs=0.05)
+    assert law["amplitude"].value == pytest.approx(0.03, rel=0.03)
 
 
 def test_magnets_that_pull_in_two_waves_are_one_name_with_both() -> None:
@@ -54,6 +66,7 @@ class Twice:
     """An effect that may act twice."""
 
     more: Any = None
+    key: str = "twice"
 
     def family(self) -> list[Any]:
         return [self, *(self.more.family() if self.more else [])]
@@ -63,6 +76,7 @@ class Twice:
 class Gaining:
     effect: Twice
     gain: float
+    effects: Any = None
 
 
 def test_once_more_has_to_be_worth_more() -> None:
@@ -73,5 +87,9 @@ def test_once_more_has_to_be_worth_more() -> None:
     def worth(atoms: Any) -> float:
         return float(sum(atom.gain for atom in atoms))
 
-    assert repeated(screened, worth, 20.0) == [(first, second)]
-    assert repeated(screened, worth, 40.0) == []
+    nothing, once = Gaining(other, 0.0), Gaining(other, 0.0)
+    for fit, held in ((nothing, []), (once, [effect])):
+        fit.effects = held
+    assert repeated(nothing, screened, worth, 20.0) == [(first, second)]
+    assert repeated(nothing, screened, worth, 40.0) == []
+    assert repeated(once, screened, worth, 20.0) == []  # there is room for one more, which single proposals bring

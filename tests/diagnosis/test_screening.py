@@ -84,7 +84,8 @@ def test_a_wave_that_no_list_of_numbers_holds_is_found(clean, periods: float) ->
         size=clean.segments.position.shape
     )
     seen = dataclasses.replace(clean.segments, position=position)
-    (atom,) = screen(dataclasses.replace(clean.shooting, segments=seen), clean.nominal, [effect]).best()
-    assert atom.values[2] == pytest.approx(periods, abs=0.8)
-    assert np.abs(effect.seeds[:, 2] - periods).min() >= 4.0
-    assert np.hypot(*atom.values[:2]) == pytest.approx(np.hypot(0.4, 0.2), rel=0.4)
+    atoms = screen(dataclasses.replace(clean.shooting, segments=seen), clean.nominal, [effect]).atoms
+    close = 0.6 * 2 * np.pi / np.ptp(position)  # as near as the range tells
+    found = [atom.gain for atom in atoms if abs(atom.seed[2] - periods) < close]
+    assert np.abs(effect.seeds[:, 2] - periods).min() > close
+    assert max(found) > 0.8 * max(atom.gain for atom in atoms)

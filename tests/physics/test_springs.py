@@ -85,6 +85,3 @@ def test_descriptions_speak_the_fields_words(bench: Any) -> None:
     model = bench.model
     rest = LinearSpring.at(bench.shoulder, model).describe(np.array([2.0, 1.0]))
     assert rest == {"stiffness": 2.0, "rest": 0.5}
-    cogging = Cogging.at(bench.shoulder, model).describe(np.array([0.3, 0.4, 7.0]))
-    assert cogging["amplitude"] == pytest.approx(0.5)
-    assert 0.5 * np.sin(7.0 * 0.2 + cogging["phase"]) == pytest.approx(0.3 * np.sin(1.4) + 0.4 * np.cos(1.4))

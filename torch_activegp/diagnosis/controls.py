@@ -40,7 +40,7 @@ class Controls:
             chains.setdefault(tuple(sorted(acting, key=lambda effect: effect.order)), []).append(i)
         self.held = not any(chains) and not filters
         """Whether no control changes between two rows."""
-        sets = [plain[None].copy()]
+        sets = [plain[None]]
         self._slot = np.zeros(len(candidates), dtype=np.int64)
         for chain, members in chains.items():
             if not chain:
@@ -52,6 +52,7 @@ class Controls:
             self._slot[members] = np.arange(len(members)) + sum(map(len, sets))
             sets.append(control)
         self._all = np.concatenate(sets)
+        self._dt = dt
         for own in filters:
             own.apply(self._all, dt)
         self._first = segments.first * substeps
@@ -60,6 +61,12 @@ class Controls:
         shoves = [candidate.shove for candidate in candidates]
         zero = np.zeros((segments.size, segments.intervals, nu))
         self._shoves = None if all(shove is None for shove in shoves) else added(zero, shoves)
+
+    def states(self, own: OwnFilter) -> Array:
+        """What a filter that is left to the simulation begins each segment with, ``(N * S,)``."""
+        before = own.states(self._all, self._dt)
+        rows = np.minimum(self._first, before.shape[-1] - 1)
+        return np.asarray(before[self._slot[:, None], self._run[None], rows[None]].ravel())
 
     def __call__(self, interval: int, substep: int) -> Array:
         """Controls of all simulations in a step of an interval, which may be one before the first, ``(N * S, nu)``."""

@@ -19,13 +19,15 @@ from torch_activegp.diagnosis.own_filters import own_filters, without_filters
 from torch_activegp.diagnosis.prescribed_motion import PrescribedMotion, make_heavy
 from torch_activegp.diagnosis.readings import readings
 from torch_activegp.diagnosis.runs import Array, Channels, Run, median_step
-from torch_activegp.diagnosis.segments import Segments
+from torch_activegp.diagnosis.segments import Segments, cut
 from torch_activegp.diagnosis.stepping import Act, Stepping
 from torch_activegp.errors import ConfigurationError
 from torch_activegp.physics.effect import Effect, Index
 from torch_activegp.simulators.mujoco_warnings import warnings_to
 
 _logger = logging.getLogger(__name__)
+_HEAD = 0.5
+"""How much of each run shows with what its drives began, s."""
 _MAX_ROWS = 6000
 _FEW = 64
 _MAX_BYTES = 60_000_000
@@ -41,7 +43,8 @@ class Engine:
         channels: the recorded joints; those of them that are prescribed follow the runs.
         substeps: time steps in each interval between rows.
         nthread: threads; 0 for all cores.
-        integrator: one of ``mujoco.mjtIntegrator`` in place of the model's own.
+        integrator: one of ``mujoco.mjtIntegrator`` in place of the model's own; filters of its drives then act exactly,
+            and not as MuJoCo steps them.
         stride: rows in each time step, where rows come faster than the motion needs; takes one substep.
         late: controls and forces come half a time step later. Semi-implicit Euler with a velocity that belongs to the
             middle between two positions is the leapfrog scheme, of second order; half a step of the initial velocity is
@@ -70,7 +73,9 @@ class Engine:
         if channels.prescribed is not None:
             make_heavy(self.model, channels.prescribed)
         self.filters = own_filters(self.model)
-        without_filters(self.model, self.filters)
+        self._exact = integrator is not None
+        if self._exact:
+            without_filters(self.model, self.filters)
         self.channels = channels
         self.substeps = substeps
         self.nthread = nthread
@@ -135,11 +140,13 @@ class Engine:
         batch = fields.batch
         fields("opt.timestep")[:rows] = np.median(segments.dt) / self.substeps
         acting, steady = self._acting(segments, candidates, fields)
-        controls = Controls(segments, candidates, self.substeps, model.nu, self.filters)
+        controls = Controls(segments, candidates, self.substeps, model.nu, self.filters if self._exact else ())
         inputs = Inputs(segments, candidates, controls, self.substeps, self.stride, self.late, steady)
         batch.state[:rows] = self._reset_row
         flat = starts.reshape(rows, -1)
         batch.bind("qpos")[:rows], batch.bind("qvel")[:rows] = flat[:, : model.nq], flat[:, model.nq :]
+        for own in () if self._exact else self.filters:
+            batch.bind("act")[:rows, own.address] = controls.states(own)
         batch.warning[:rows] = 0
         edges = [*range(0, intervals, self.stride), intervals]
         self.work += rows * (len(edges) - 1) * self.substeps * (4 if model.opt.integrator == _RUNGE_KUTTA else 1)
@@ -250,9 +257,26 @@ def _padded(columns: Sequence[Array], channels: Channels, address: int) -> Array
     return np.stack([np.pad(c[:, where[0]], (0, length - len(c)), mode="edge") for c in columns])
 
 
+def begin_drives(engines: Sequence[Engine], runs: Sequence[Run]) -> None:
+    """Lets filters of the model's own drives begin each run empty or filled: as the first engine follows it better."""
+    first = engines[0]
+    if not first.filters:
+        return
+    pieces = cut(runs, _HEAD, 0.0)
+    heads = pieces.pick(np.flatnonzero(pieces.first == 0))
+    errors = []
+    for empty in (False, True):
+        first.filters = tuple(own._replace(empty=empty) for own in first.filters)
+        predicted, _ = first.predict(heads, first.starts(heads)[None], [NOMINAL])
+        far = (predicted[0] - heads.position) / np.mean([run.noise for run in runs], axis=0)
+        errors.append(float(np.nan_to_num(far[heads.counts] ** 2, nan=np.inf).sum()))
+    for engine in engines:
+        engine.filters = tuple(own._replace(empty=errors[1] < errors[0]) for own in engine.filters)
+
+
 def substeps_for(model: mujoco.MjModel, runs: Sequence[Run]) -> int:
     """Time steps of the model in the median interval between rows."""
     return max(round(median_step(runs) / model.opt.timestep), 1)
 
 
-__all__ = ["NOMINAL", "Candidate", "Engine", "substeps_for"]
+__all__ = ["NOMINAL", "Candidate", "Engine", "begin_drives", "substeps_for"]

@@ -8,7 +8,7 @@ from typing import Any
 from torch_activegp.data import Recording
 from torch_activegp.diagnosis.blackbox import check_clock, check_recordings
 from torch_activegp.diagnosis.blackbox_engine import BlackBoxEngine
-from torch_activegp.diagnosis.engine import NOMINAL, Engine, substeps_for
+from torch_activegp.diagnosis.engine import NOMINAL, Engine, begin_drives, substeps_for
 from torch_activegp.diagnosis.forecast import compare
 from torch_activegp.diagnosis.noise_floor import noise_floor
 from torch_activegp.diagnosis.runs import Channels, make_run
@@ -41,6 +41,7 @@ def evaluate(model: object, recordings: Sequence[Recording], nthread: int = 0) -
     runs = [make_run(recording, source.model, channels) for recording in recordings]
     if source.box is None:
         engine = Engine(source.model, channels, substeps_for(source.model, runs), nthread)
+        begin_drives([engine], runs)
     else:
         check_recordings(source.box, recordings)
         engine = BlackBoxEngine(source.box, channels, check_clock(source.box, runs))

@@ -70,12 +70,14 @@ class Fit:
         )
 
 
-def inside(effects: Sequence[Effect], values: Sequence[Array], below: Fit | None) -> tuple[float, Array, Array] | None:
+def inside(
+    effects: Sequence[Effect], values: Sequence[Array], below: Fit | None
+) -> tuple[float, Array, Array, Array | None] | None:
     """A set as a fit and further effects that do nothing.
 
     Returns:
-        Chi2, parameters in a row, initial states; None where the set does not hold the fit's effects, or others than
-        linear ones beside them.
+        Chi2, parameters in a row ``(P,)``, initial states ``(S, nq + nv)``, and derivatives by them; None where the set
+        does not hold the fit's effects, or others than linear ones beside them.
     """
     if below is None or not set(below.effects) < set(effects):
         return None
@@ -83,7 +85,7 @@ def inside(effects: Sequence[Effect], values: Sequence[Array], below: Fit | None
     if not all(effect in known or effect.linear for effect in effects):
         return None
     flat = [known.get(effect, effect.absent(value)) for effect, value in zip(effects, values, strict=True)]
-    return below.chi2, np.concatenate(flat), below.starts
+    return below.chi2, np.concatenate(flat), below.starts, below.design
 
 
 def difference_steps(effects: Sequence[Effect], flat: Array) -> Array:

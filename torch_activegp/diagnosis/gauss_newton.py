@@ -174,7 +174,7 @@ class Problem:
         assert self._best is not None
         self.finished, self._columns, self._damping = False, None, _FIRST_DAMPING
         if self._below is not None and self.chi2 > self._below[0]:  # a first guess that makes it worse misleads
-            _, self._trial, self._trial_starts = self._below
+            _, self._trial, self._trial_starts, self._design = self._below
             self._best, self._below, self._brake[:] = None, None, 1.0
             return
         self._trial, self._trial_starts = np.asarray(self._best["flat"]), np.asarray(self._best["starts"])

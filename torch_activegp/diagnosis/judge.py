@@ -11,7 +11,6 @@ from scipy import stats
 from torch_activegp.diagnosis.compared import Selection, fitted
 from torch_activegp.diagnosis.elimination import eliminate
 from torch_activegp.diagnosis.fit import Fit
-from torch_activegp.diagnosis.noise_left import is_filtered
 from torch_activegp.diagnosis.proposals import TWO_SIDED
 from torch_activegp.diagnosis.reference import free_force_columns
 from torch_activegp.diagnosis.selection import MAX_EFFECTS
@@ -26,9 +25,9 @@ LEAST_SHARE = 0.002
 INADEQUATE = 0.15
 """A set that leaves more of the mismatch than this does not explain it."""
 SEEN = 0.08
-"""The same where what is left is large against the noise too. Sets with the right names leave up to 0.04."""
+"""The same where what is left is large against the noise too. One or two right names leave up to 0.04."""
 MANY, SEEN_BEHIND_MANY = 3, 0.03
-"""The same behind so many names: together they imitate much that is not on the list."""
+"""The same behind so many names: together they imitate much that is not on the list. Right ones left up to 0.01."""
 CROWDED = 0.04
 """The same where as many names as are tried leave it, and none of it may be left where there are more."""
 ALIKE = 0.002
@@ -43,8 +42,6 @@ UNSEEN = 1 / 67
 VISIBLE_UNSEEN = 5.0
 """The same for recordings below 67 Hz: whether an encoder filters its noise cannot be seen there, and behind a filter
 of one pole at 0.7 fourth differences show a fifth of the variance."""
-FILTERED = 0.3
-"""Such a filter leaves less of a mismatch than this behind a set that explains it."""
 SLOW = 1 / 30
 VISIBLE_WHEN_SLOW = 12.0
 """The same for recordings below 30 Hz, as from video: their differences hardly show slow errors of the recorder."""
@@ -129,8 +126,7 @@ def judge(shooting: Shooting, selection: Selection) -> Judgement:
         return Judgement(verdict, best, (), (), (), (), (), share, verdict == "none", before.p_value, rivals)
     after = omnibus(shooting, best)
     unexplained = after.excess / max(after.excess + gain, 1e-300)
-    filtered = _unseen_filter(shooting, best, unexplained)
-    white = after.p_value > SURE or filtered
+    white = after.p_value > SURE
     named, retuned = _split(shooting, selection, rivals)
     order, shares = _shares(shooting, selection, named, 1.0 - unexplained)
     score = selection.score
@@ -144,7 +140,7 @@ def judge(shooting: Shooting, selection: Selection) -> Judgement:
     crowded = len(order) > MAX_EFFECTS or (len(order) == MAX_EFFECTS and unexplained > CROWDED)
     seen = SEEN if len(order) < MANY else SEEN_BEHIND_MANY
     most = seen if _visible(shooting, after) else INADEQUATE
-    if after.p_value < DOUBT and (crowded or (unexplained > most and not filtered)):
+    if after.p_value < DOUBT and (unexplained > most or crowded):
         verdict = "unknown" if crowded or _visible(shooting, before) else "none"
     else:
         verdict = "tie" if any(ties) else "named"
@@ -160,12 +156,6 @@ def _visible(shooting: Shooting, left: Omnibus) -> bool:
     if step > UNSEEN:
         least = VISIBLE_WHEN_SLOW if step > SLOW else max(least, VISIBLE_UNSEEN)
     return left.p_value < SURE and left.excess > least * shooting.dof
-
-
-def _unseen_filter(shooting: Shooting, best: Fit, unexplained: float) -> bool:
-    """Whether a set explains most, and leaves noise behind a filter that recordings so slow do not show before."""
-    slow = float(np.median(shooting.segments.dt)) > UNSEEN
-    return slow and unexplained < FILTERED and is_filtered(shooting, best)
 
 
 def _rivals(selection: Selection) -> tuple[tuple[Fit, float, float], ...]:

@@ -59,12 +59,6 @@ def quieter(shooting: Shooting, fit: Fit, loudest: NoiseModel | None = None, las
     return NoiseModel(scale, colour) if found else None
 
 
-def is_filtered(shooting: Shooting, fit: Fit) -> bool:
-    """Whether what a fit leaves is, in every channel, white noise or such noise behind the filter of an encoder."""
-    left = _left(shooting, fit)
-    return bool(left) and all(is_white([*channel.fresh(channel.colour())]) for channel in left)
-
-
 def _left(shooting: Shooting, fit: Fit) -> list[_Left]:
     """What is left of each channel; none where too little is known of it."""
     predicted, _ = shooting.engine.predict(shooting.segments, fit.starts[None], [fit.candidate])

@@ -10,7 +10,7 @@ import mujoco
 import numpy as np
 
 from torch_activegp.diagnosis.chaining import chained
-from torch_activegp.diagnosis.engine import Engine, substeps_for
+from torch_activegp.diagnosis.engine import Engine, begin_drives, substeps_for
 from torch_activegp.diagnosis.fit import Fit
 from torch_activegp.diagnosis.machine import Machine
 from torch_activegp.diagnosis.noise_model import NoiseModel
@@ -123,7 +123,7 @@ class Numerics:
         given = Engine(model, channels, plain, nthread)
         often = max(few, plain)
         seldom = max(int(np.ceil(step / _STIFF_STEP - 1e-6)), 1) if stiff else few
-        same = model.opt.integrator == _RUNGE_KUTTA and often == plain
+        same = model.opt.integrator == _RUNGE_KUTTA and often == plain and not given.filters
         fine = given if same else Engine(model, channels, often, nthread, _RUNGE_KUTTA)
         halfway = max(math.ceil(often / 2), few) if stiff else few
         short = int(np.ceil(step / _EFFECT_STEP - 1e-6))
@@ -131,15 +131,13 @@ class Numerics:
             Engine(model, channels, min(seldom, plain), nthread, _cheap(model), stride, late, contacts=not free)
             for late in (False, True)
         )
-        return cls(
-            given,
-            fine,
-            coarse,
-            Engine(model, channels, halfway, nthread, _RUNGE_KUTTA, contacts=not free) if halfway < often else fine,
-            stiff,
-            Engine(model, channels, short, nthread, _RUNGE_KUTTA) if short > often else None,
-            late if model.nu and not stiff else None,
-        )
+        middle, finest = fine, None
+        if halfway < often:
+            middle = Engine(model, channels, halfway, nthread, _RUNGE_KUTTA, contacts=not free)
+        if short > often:
+            finest = Engine(model, channels, short, nthread, _RUNGE_KUTTA)
+        begin_drives([given, fine, coarse, late, middle, *([finest] if finest is not None else [])], machine.fit)
+        return cls(given, fine, coarse, middle, stiff, finest, late if model.nu and not stiff else None)
 
     def choose(
         self,

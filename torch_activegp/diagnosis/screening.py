@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 
 import numpy as np
 from numpy.typing import NDArray
@@ -103,13 +103,13 @@ def screen(shooting: Shooting, fit: Fit, effects: Sequence[Effect]) -> Screen:
         effects: what could come.
     """
     rows = [(shooting.pick(some), fit.pick(some)) for some in _parts(shooting, fit.size + sum(map(_width, effects)))]
-    linear = [linearize(part, here) for part, here in rows]
-    seeds = _scanned(rows, linear, effects)
+    known = [linearize(*rows[0])] if len(rows) == 1 else None  # of several parts, one at a time has room
+    seeds = _scanned(rows, known or (linearize(*row) for row in rows), effects)
     plan = [(e, seed, max(e.linear, 1)) for e in effects for seed in [*e.seeds, *seeds.get(e, [])]]
     wanted = [(e, values) for e, seed, _ in plan for values in unit_values(e, seed)]
     memory = remembered(wanted, shooting)
     normal, gradient = np.zeros((0, 0)), np.zeros(0)
-    for (part, here), around in zip(rows, linear, strict=True):
+    for (part, here), around in zip(rows, known or (linearize(*row) for row in rows), strict=True):
         blocks = (
             around.respond_to_start(),
             parameter_columns(part, here),
@@ -132,7 +132,7 @@ def _width(effect: Effect) -> int:
 
 
 def _scanned(
-    rows: Sequence[tuple[Shooting, Fit]], linear: Sequence[Linearization], effects: Sequence[Effect]
+    rows: Sequence[tuple[Shooting, Fit]], linear: Iterable[Linearization], effects: Sequence[Effect]
 ) -> dict[Effect, Array]:
     """Seeds that the recordings show, of the effects that look for them."""
     looking = [e for e in effects if isinstance(e, JointEffect) and type(e).scan is not Effect.scan]
@@ -150,7 +150,8 @@ def _scanned(
     for effect in looking:
         c = channel[effect.dof]
         position, pull = (np.concatenate([piece[..., c].ravel() for piece in pieces]) for pieces in (positions, pulls))
-        out[effect] = effect.scan(position, pull)
+        sound = np.isfinite(position) & np.isfinite(pull)
+        out[effect] = effect.scan(position[sound], pull[sound])
     return out
 
 

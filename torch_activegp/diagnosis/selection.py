@@ -207,7 +207,7 @@ def _proposals(selection: Selection, fit: Fit, screened: Screen, most: int) -> l
     chosen: list[Sequence[Atom]] = [(a,) for a in diverse(singles, most)]
     lenient = functools.cache(functools.partial(worth, selection.score.before_any_fit(selection.nominal)))
     together = companies(best[:_COMPANY], lenient, MAX_EFFECTS - selection.score.names_in(fit.effects), _MORE)
-    together += repeated(screened, lenient, _MORE)
+    together += repeated(fit, screened, lenient, _MORE)
     chosen += [with_values(company, screened.together(company)[1]) for company in together]
     if not fit.effects:
         gains = [screened.joint_gain(company) for company in together]

@@ -124,7 +124,8 @@ def remembered(wanted: Sequence[tuple[Effect, Array]], shooting: Shooting) -> di
             changed = effect.control(fine[None].copy(), steps, values[None])
             assert changed is not None
             for own in filters:
-                own.apply(changed, steps)
+                if own.lag.index == effect.index:
+                    own.apply(changed, steps)
             out[i] = (changed - behind)[0][..., effect.index].reshape(len(runs), length, substeps).mean(-1)
         elif isinstance(effect, Hysteresis):
             out[i] = effect.path(smooth[..., channel[effect.dof]], values)

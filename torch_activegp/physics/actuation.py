@@ -223,7 +223,7 @@ class ActuatorLag(ActuatorEffect):
         held = np.moveaxis(control[..., self.index], -1, 0)
         ratio = np.moveaxis(dt, -1, 0)[:, None] / np.maximum(values[:, :1], 1e-9)
         gone = -np.expm1(-ratio)
-        past = _follow(held, gone) - held
+        past = follow(held, gone) - held
         control[..., self.index] = np.moveaxis(held + past * (gone / np.maximum(ratio, 1e-300)), 0, -1)
         return control
 
@@ -237,7 +237,7 @@ class ActuatorLag(ActuatorEffect):
         return True
 
 
-def _follow(held: Array, gone: Array) -> Array:
+def follow(held: Array, gone: Array) -> Array:
     """What follows a control ``(T, n, runs)`` by a share of the distance in each step: its values before the steps."""
     out = np.empty_like(held)
     if np.ptp(gone, axis=0).max() < 1e-9:  # a regular clock

@@ -23,6 +23,8 @@ _SEEN_TO_REPEAT = 3.0
 """So many periods of each wave lie in the range where there are several: any bump is a sum of slower waves."""
 _FINENESS = 8
 """Bins of the position in the shortest period."""
+_MOST_BINS = 1 << 18
+"""A range of more turns than this has room for is left to the list of numbers."""
 _PADDING = 4
 _TREND = 9
 """Resolved numbers of periods over which the median is the trend."""
@@ -33,12 +35,17 @@ _PEAKS = 3
 class Cogging(JointEffect):
     """A sin(N q + phase), or a sum of such waves of several N: :attr:`more` has one wave more.
 
-    The parameters are the amplitudes of the sine and the cosine of each wave, then the number of periods of each.
+    The parameters are the amplitudes of the sine and the cosine of each wave about the middle of the recorded range, so
+    that amplitudes and numbers of periods hardly depend on each other; then the number of periods of each.
+
+    Args:
+        center: the middle of the recorded range, rad or m.
     """
 
     name = "cogging"
     never_negative = frozenset({"amplitude", "amplitude_2", "amplitude_3"})
     law = "A sin(N q + phase)"
+    center: float = 0.0
 
     @classmethod
     def at(cls, place: Place, model: mujoco.MjModel) -> Self:
@@ -62,7 +69,9 @@ class Cogging(JointEffect):
             parameters = (*_numbered((sine, cosine), waves), *_numbered((count,), waves))
             seeds = [[scale, scale, n] for n in periods] if waves == 1 else [[scale] * 2 * waves + periods[:1] * waves]
             several = {"variant": f"{waves} waves", "stands_in": True} if waves > 1 else {}
-            made = cls.make(place, parameters, seeds, linear=2 * waves, more=made, **several)
+            made = cls.make(
+                place, parameters, seeds, linear=2 * waves, more=made, center=float(np.mean(place.position)), **several
+            )
         assert made is not None
         return made
 
@@ -87,9 +96,9 @@ class Cogging(JointEffect):
         numbers finds it. See :meth:`Effect.scan`.
         """
         first, seed = self.linear, self.seeds[0]
-        width = float(np.ptp(position))
+        width = float(np.ptp(position)) if len(position) else 0.0
         bins = int(_FINENESS * max(float(self.seeds[:, first].max()), self.parameters[first].low) * width / (2 * np.pi))
-        if width <= 0.0 or bins < _FINENESS:
+        if width <= 0.0 or not _FINENESS <= bins <= _MOST_BINS:
             return super().scan(position, pull)
         total, _ = np.histogram(position, bins, weights=pull)
         power = np.abs(np.fft.rfft(total, _PADDING * bins)) ** 2
@@ -98,7 +107,8 @@ class Cogging(JointEffect):
         inside = (periods >= self.parameters[first].low) & (periods < periods[-1] / 2)
         found: list[float] = []
         for height in (power, power / np.maximum(trend, 1e-300)):
-            peaks = signal.find_peaks(np.where(inside, height, 0.0))[0]
+            peaks = signal.find_peaks(height)[0]
+            peaks = peaks[inside[peaks]]
             found += [float(periods[p]) for p in peaks[np.argsort(-height[peaks], kind="stable")][:_PEAKS]]
         return np.array([[*seed[:first], n] for n in dict.fromkeys(found)]).reshape(-1, len(seed))
 
@@ -106,7 +116,7 @@ class Cogging(JointEffect):
         """The law; see :meth:`JointEffect.force`."""
         total = np.zeros(())
         for wave in range(self.linear // 2):
-            angle = values[self.linear + wave] * position
+            angle = values[self.linear + wave] * (position - self.center)
             total = total + values[2 * wave] * np.sin(angle) + values[2 * wave + 1] * np.cos(angle)
         return total
 
@@ -119,13 +129,15 @@ class Cogging(JointEffect):
         return True
 
     def describe(self, values: Array) -> dict[str, float]:
-        """Amplitude, number of periods and phase; of a second wave ``amplitude_2`` and so on."""
+        """Amplitude, number of periods and phase at zero; of the second largest wave ``amplitude_2`` and so on."""
         law = {}
-        for wave in range(self.linear // 2):
-            sine, cosine = values[2 * wave : 2 * wave + 2]
-            law[f"amplitude{_ending(wave)}"] = float(np.hypot(sine, cosine))
-            law[f"periods{_ending(wave)}"] = float(values[self.linear + wave])
-            law[f"phase{_ending(wave)}"] = float(np.arctan2(cosine, sine))
+        amplitudes = np.hypot(values[: self.linear : 2], values[1 : self.linear : 2])
+        for rank, wave in enumerate(np.argsort(-amplitudes, kind="stable")):
+            sine, cosine, periods = values[2 * wave], values[2 * wave + 1], values[self.linear + wave]
+            phase = np.arctan2(cosine, sine) - periods * self.center
+            law[f"amplitude{_ending(rank)}"] = float(amplitudes[wave])
+            law[f"periods{_ending(rank)}"] = float(periods)
+            law[f"phase{_ending(rank)}"] = float(np.arctan2(np.sin(phase), np.cos(phase)))
         return law
 
 
