@@ -80,9 +80,15 @@ def test_laas_cogging_in_its_order(recordings_dir: Path) -> None:
     periods, _, _, residual = laas.cogging(laas.CUTOFF)[-1]
     assert periods == [72, 18, 12]
     assert residual < 0.16
-    waves = [effect("cogging", amplitude=-1.0, periods=n, phase=0.0) for n in periods]
-    assert held(laas.judge_cogging({"effects": waves})) == [True, True, False]
-    assert held(laas.judge_cogging({"effects": waves[::-1]}))[:2] == [False, False]
+
+    def waves(numbers: list[int]) -> dict[str, Any]:
+        law = {}
+        for end, number in zip(("", "_2", "_3"), numbers, strict=True):
+            law |= {f"amplitude{end}": -1.0, f"periods{end}": float(number), f"phase{end}": 0.0}
+        return {"effects": [effect("cogging", **law)]}
+
+    assert held(laas.judge_cogging(waves(periods))) == [True, True, False]
+    assert held(laas.judge_cogging(waves(periods[::-1])))[:2] == [False, False]
     assert held(laas.judge_cogging({"effects": []})) == [False, False, False]
     assert held(laas.judge_cogging({"effects": [effect("backlash", gap=1.0)]})) == [False, False, False]
     assert held(laas.judge_friction({"effects": [effect("coulomb_friction", level=0.06)]})) == [True]

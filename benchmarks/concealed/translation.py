@@ -4,7 +4,7 @@
 |---|---|---|
 | stribeck_friction | coulomb, static | coulomb, static - coulomb |
 | linear_spring | stiffness, rest | stiffness, stiffness x rest |
-| cogging | amplitude, phase | amplitudes of sine and cosine |
+| cogging | amplitude, phase at zero | amplitudes of sine and cosine about the middle of the range |
 | joint_stop | position | distance of an upper or a lower stop |
 | hysteresis | slip as a force | slip as a distance |
 | gains | gain | gain - 1 |
@@ -25,6 +25,7 @@ import mujoco
 import numpy as np
 
 from torch_activegp.physics import Effect, Parameter, Place
+from torch_activegp.physics.cogging import Cogging
 from torch_activegp.physics.effect import Array, Index
 from torch_activegp.physics.payload import PayloadMass
 
@@ -79,9 +80,7 @@ def values_of(effect: Effect, words: Mapping[str, float]) -> Array | None:
         return None
     special: dict[str, Callable[[], list[float]]] = {
         "stribeck_friction": lambda: [words["coulomb"], words["static"] - words["coulomb"], words["velocity"]],
-        "cogging": lambda: [
-            words["amplitude"] * np.cos(words["phase"]), words["amplitude"] * np.sin(words["phase"]), words["periods"],
-        ],
+        "cogging": lambda: _waves(effect, words),
         "joint_stop": lambda: [
             words["stiffness"], words["damping"], words["position"] * (1.0 if effect.variant == "upper" else -1.0),
         ],
@@ -92,6 +91,15 @@ def values_of(effect: Effect, words: Mapping[str, float]) -> Array | None:
     plain = effect.name not in special or names == list(spoken)
     values = [words[name] for name in names] if plain else special[effect.name]()
     return np.array(values, dtype=float)
+
+
+def _waves(effect: Effect, words: Mapping[str, float]) -> list[float]:
+    """The waves of cogging about the middle of the recorded range."""
+    assert isinstance(effect, Cogging)
+    ends = ("", "_2", "_3")[: effect.linear // 2]
+    angles = [words[f"phase{end}"] + words[f"periods{end}"] * effect.center for end in ends]
+    parts = [words[f"amplitude{end}"] * np.exp(1j * angle) for end, angle in zip(ends, angles, strict=True)]
+    return [*(x for part in parts for x in (part.real, part.imag)), *(words[f"periods{end}"] for end in ends)]
 
 
 def forms_of(name: str, target: str, words: Mapping[str, float], effects: Sequence[Effect]) -> list[Form]:
@@ -105,7 +113,7 @@ def forms_of(name: str, target: str, words: Mapping[str, float], effects: Sequen
 
 
 def _holding(effects: Sequence[Effect], words: Mapping[str, float]) -> Form:
-    found = [(effect, values_of(effect, words)) for effect in effects]
+    found = [(form, values_of(form, words)) for effect in effects for form in effect.family()]
     return [(effect, values) for effect, values in found if values is not None]
 
 

@@ -75,7 +75,8 @@ def judge_friction(diagnosis: Mapping[str, Any]) -> list[tuple[str, str, bool]]:
 def judge_cogging(diagnosis: Mapping[str, Any]) -> list[tuple[str, str, bool]]:
     """What was asked of the slow turns, what was found, and whether that holds."""
     effects = diagnosis["effects"]
-    found = [effect["parameters"]["periods"]["value"] for effect in effects if effect["name"] == "cogging"]
+    laws = [effect["parameters"] for effect in effects if effect["name"] == "cogging"]
+    found = [law[name]["value"] for law in laws for name in ("periods", "periods_2", "periods_3") if name in law]
     rows = [
         ("cogging of 72 periods first", f"{found[0]:.1f}" if found else "none", [round(n) for n in found[:1]] == [72]),
         (

@@ -86,6 +86,11 @@ def _stribeck(v: Array, p: Mapping[str, float]) -> Array:
     return -(p["coulomb"] + (p["static"] - p["coulomb"]) * np.exp(-((v / p["velocity"]) ** 2))) * np.sign(v)
 
 
+def _cogging(q: Array, p: Mapping[str, float]) -> Array:
+    ends = [end for end in ("", "_2", "_3") if f"amplitude{end}" in p]
+    return np.sum([p[f"amplitude{end}"] * np.sin(p[f"periods{end}"] * q + p[f"phase{end}"]) for end in ends], axis=0)
+
+
 _LAWS: dict[str, Callable[[Array, Array, Mapping[str, float], float], Array]] = {
     "viscous_friction": lambda q, v, p, g: -p["coefficient"] * v,
     "coulomb_friction": lambda q, v, p, g: -p["level"] * np.sign(v),
@@ -94,5 +99,5 @@ _LAWS: dict[str, Callable[[Array, Array, Mapping[str, float], float], Array]] = 
     "asymmetric_friction": lambda q, v, p, g: _asymmetric(v, p),
     "constant_force": lambda q, v, p, g: np.full_like(v, p["force"]),
     "actuator_bias": lambda q, v, p, g: np.full_like(v, g * p["bias"]),
-    "cogging": lambda q, v, p, g: p["amplitude"] * np.sin(p["periods"] * q + p["phase"]),
+    "cogging": lambda q, v, p, g: _cogging(q, p),
 }

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from torch_activegp.data import Recording
-from torch_activegp.diagnosis import diagnose
+from torch_activegp.diagnosis import Checkpoint, diagnose
 from torch_activegp.diagnosis.repeated import repeated
 
 ROTOR = """<mujoco><option timestep="0.005" integrator="RK4"/><worldbody><body>
@@ -48,10 +48,12 @@ def test_one_wave_of_any_number_anywhere_is_one_wave(periods: float, middle: flo
     assert law["amplitude"].value == pytest.approx(0.03, rel=0.03)
 
 
-def test_magnets_that_pull_in_two_waves_are_one_name_with_both() -> None:
+def test_magnets_that_pull_in_two_waves_are_one_name_with_both(tmp_path) -> None:
     waves = [(0.03, 8.0, 0.3), (0.025, 21.0, -1.0)]
     runs = [Recording.from_columns(f"run{i}", turned(i, waves)) for i in range(3)]
-    found = diagnose(ROTOR, runs, [Recording.from_columns("kept", turned(9, waves))], nthread=1)
+    checkpoint = Checkpoint(tmp_path / "kept")
+    found = diagnose(ROTOR, runs, [Recording.from_columns("kept", turned(9, waves))], nthread=1, checkpoint=checkpoint)
+    assert checkpoint.stage == "naming"  # with the form of two waves in it
     assert [(effect.name, effect.target) for effect in found.effects] == [("cogging", "joint:shaft")]
     law = found.effects[0].parameters
     numbers = sorted((law[f"periods{end}"].value, law[f"amplitude{end}"].value) for end in ("", "_2"))
