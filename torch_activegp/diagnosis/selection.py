@@ -46,8 +46,8 @@ _PLENTY = 400.0
 _COMPANY = 40
 _ROUNDS = 10
 _PATIENCE = 40e6
-"""Most cases compute a few million time steps for a search; machines that strike something, ten or a hundred times so
-many, in which the last names cost most and say least."""
+"""Most cases compute a few million time steps for a search; machines that strike something, and what no effect on the
+list explains, ten or a hundred times so many, in which the last names cost most and say least."""
 _MORE = 20.0
 
 
