@@ -45,9 +45,9 @@ _CHEAP = 60
 _PLENTY = 400.0
 _COMPANY = 40
 _ROUNDS = 10
-_PATIENCE = 40e6
-"""Most cases compute a few million time steps for a search; machines that strike something, and what no effect on the
-list explains, ten or a hundred times so many, in which the last names cost most and say least."""
+_PATIENCE = 160e6
+"""Most cases compute a few million time steps for a search, and three effects on a machine of three joints a hundred
+million. Machines that strike something, and what no effect on the list explains, would compute ever more."""
 _MORE = 20.0
 
 
