@@ -25,7 +25,7 @@ import mujoco
 import numpy as np
 
 from torch_activegp.physics import Effect, Parameter, Place
-from torch_activegp.physics.cogging import Cogging
+from torch_activegp.physics.cogging import ENDINGS, Cogging
 from torch_activegp.physics.effect import Array, Index
 from torch_activegp.physics.payload import PayloadMass
 
@@ -96,7 +96,7 @@ def values_of(effect: Effect, words: Mapping[str, float]) -> Array | None:
 def _waves(effect: Effect, words: Mapping[str, float]) -> list[float]:
     """The waves of cogging about the middle of the recorded range."""
     assert isinstance(effect, Cogging)
-    ends = ("", "_2", "_3")[: effect.linear // 2]
+    ends = ENDINGS[: effect.linear // 2]
     angles = [words[f"phase{end}"] + words[f"periods{end}"] * effect.center for end in ends]
     parts = [words[f"amplitude{end}"] * np.exp(1j * angle) for end, angle in zip(ends, angles, strict=True)]
     return [*(x for part in parts for x in (part.real, part.imag)), *(words[f"periods{end}"] for end in ends)]

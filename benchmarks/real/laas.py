@@ -9,6 +9,7 @@ import numpy as np
 
 from benchmarks.real.regression import Signals, force, least_squares, rms, signals
 from torch_activegp.data import load_laas
+from torch_activegp.physics.cogging import ENDINGS
 
 INERTIA, CUTOFF = 1.95e-4, 150.0
 FASTEST = 160
@@ -76,7 +77,7 @@ def judge_cogging(diagnosis: Mapping[str, Any]) -> list[tuple[str, str, bool]]:
     """What was asked of the slow turns, what was found, and whether that holds."""
     effects = diagnosis["effects"]
     laws = [effect["parameters"] for effect in effects if effect["name"] == "cogging"]
-    found = [law[name]["value"] for law in laws for name in ("periods", "periods_2", "periods_3") if name in law]
+    found = [law[f"periods{end}"]["value"] for law in laws for end in ENDINGS if f"periods{end}" in law]
     rows = [
         ("cogging of 72 periods first", f"{found[0]:.1f}" if found else "none", [round(n) for n in found[:1]] == [72]),
         (

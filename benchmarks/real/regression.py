@@ -10,6 +10,7 @@ from scipy.interpolate import CubicSpline
 from scipy.signal import butter, sosfiltfilt
 
 from torch_activegp.data import Recording
+from torch_activegp.physics.cogging import ENDINGS
 
 Array = np.ndarray
 
@@ -87,7 +88,7 @@ def _stribeck(v: Array, p: Mapping[str, float]) -> Array:
 
 
 def _cogging(q: Array, p: Mapping[str, float]) -> Array:
-    ends = [end for end in ("", "_2", "_3") if f"amplitude{end}" in p]
+    ends = [end for end in ENDINGS if f"amplitude{end}" in p]
     return np.sum([p[f"amplitude{end}"] * np.sin(p[f"periods{end}"] * q + p[f"phase{end}"]) for end in ends], axis=0)
 
 

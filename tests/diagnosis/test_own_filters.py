@@ -28,7 +28,7 @@ SERVO = """<mujoco><option timestep="0.002" integrator="RK4"/><worldbody><body>
 def machine() -> Machine:
     """A servo that MuJoCo itself moves in steps of 0.05 ms, recorded without noise."""
     model = mujoco.MjModel.from_xml_string(SERVO)
-    fine, data = mujoco.MjModel.from_xml_string(SERVO), None
+    fine = mujoco.MjModel.from_xml_string(SERVO)
     fine.opt.timestep = 5e-5
     data = mujoco.MjData(fine)
     time = np.arange(201) / 100

@@ -41,11 +41,13 @@ def test_more_waves_are_one_law(bench: Any) -> None:
     two, three = one.family()[1:]
     assert one.family()[2].more is None
     first, second = np.array([0.3, 0.2, 7.0]), np.array([0.1, -0.2, 3.0])
-    values = one.once_more(first, second)
+    more, values = one.once_more(first, second)
+    assert more is two
     position = np.linspace(-1.0, 2.0, 50)
     both = one.force(position, position, first) + one.force(position, position, second)
     assert two.force(position, position, values) == pytest.approx(both)
-    thrice = two.once_more(values, np.array([0.05, 0.0, 11.0]))
+    more, thrice = two.once_more(values, np.array([0.05, 0.0, 11.0]))
+    assert more is three and three.once_more(thrice, first) is None
     assert three.force(position, position, thrice) == pytest.approx(both + 0.05 * np.sin(11 * (position - one.center)))
     for effect, numbers in ((two, values), (three, thrice)):
         assert [len(effect.parameters), effect.linear] == [len(numbers), 2 * len(numbers) // 3]
@@ -55,7 +57,7 @@ def test_more_waves_are_one_law(bench: Any) -> None:
     law = three.describe(thrice)  # the largest wave first
     assert [law["periods"], law["periods_2"], law["periods_3"]] == [7.0, 3.0, 11.0]
     assert law["amplitude_2"] == pytest.approx(np.hypot(0.1, 0.2))
-    assert three.describe(two.once_more(values, np.array([0.9, 0.0, 11.0])))["periods"] == 11.0
+    assert three.describe(two.once_more(values, np.array([0.9, 0.0, 11.0]))[1])["periods"] == 11.0
     assert [p.name for p in two.parameters] == ["sine", "cosine", "sine_2", "cosine_2", "periods", "periods_2"]
 
 
@@ -64,5 +66,5 @@ def test_waves_are_so_far_apart_that_the_range_tells_them(bench: Any, second: fl
     one = Cogging.at(dataclasses.replace(bench.shoulder, position=(-2.0, 2.0)), bench.model)
     first = np.array([0.3, 0.2, 7.0])
     assert one.plausible(first)
-    assert one.family()[1].plausible(one.once_more(first, np.array([0.1, 0.1, second]))) == told
+    assert one.family()[1].plausible(one.once_more(first, np.array([0.1, 0.1, second]))[1]) == told
     assert one.family()[1].parameters[-1].low == pytest.approx(3 * 2 * np.pi / 4)

@@ -41,7 +41,7 @@ def _actual(run: Run, candidate: Candidate) -> Run:
     """A run whose smoothed motion is the machine's, behind the candidate's effects on sensors."""
     smooth, velocity = run.smooth.copy(), run.velocity.copy()
     for effect, values in zip(candidate.effects, candidate.values, strict=True):
-        if isinstance(effect, SensorEffect) and type(effect).actual is not SensorEffect.actual:
+        if isinstance(effect, SensorEffect):
             c = effect.channel
             smooth[:, c], velocity[:, c] = effect.actual(run.time, smooth[:, c], velocity[:, c], values)
     return dataclasses.replace(run, smooth=smooth, velocity=velocity)

@@ -102,9 +102,8 @@ def join(fit: Fit, atoms: Iterable[Atom]) -> Set:
     for atom in atoms:
         there = [i for i, e in enumerate(effects) if e.key == atom.effect.key]
         for i in there:
-            if (twice := effects[i].more) is not None:  # else it acts as often as it may
-                values[i] = effects[i].once_more(values[i], atom.values)
-                effects[i] = twice
+            if (twice := effects[i].once_more(values[i], atom.values)) is not None:  # else it acts as often as it may
+                effects[i], values[i] = twice
         if there:
             continue
         more = atom.values.copy()
@@ -142,8 +141,7 @@ def beginning(effect: Effect, value: Array, pairs: Iterable[tuple[Effect, Array]
     """
     for old, there in pairs:
         if old.target == effect.target and old.name in effect.covers and old.linear == 1:
-            shape = np.where(np.arange(len(value)) < effect.linear, 0.0, value)
-            return shape + _part(effect, float(there[0]))
+            return effect.absent(value) + _part(effect, float(there[0]))
     return value
 
 

@@ -10,14 +10,14 @@ import mujoco
 import numpy as np
 from scipy import ndimage, signal
 
-from torch_activegp.physics.effect import Array, Parameter, Place
+from torch_activegp.physics.effect import Array, Effect, Parameter, Place
 from torch_activegp.physics.joint import JointEffect
 
 _SMALL = 0.05
 _PERIODS = (1, 2, 3, 4, 5, 6, 7, 8, 10, 12, 16, 24, 36, 48, 72, 96)
 """Few of many: the others show in a :meth:`Cogging.scan`."""
-_WAVES = 3
-"""A motor's poles, its slots, and what both have in common."""
+ENDINGS = ("", "_2", "_3")
+"""Of the names of each wave's parameters. Three waves: a motor's poles, its slots, and what both have in common."""
 
 _SEEN_TO_REPEAT = 3.0
 """So many periods of each wave lie in the range where there are several: any bump is a sum of slower waves."""
@@ -43,7 +43,7 @@ class Cogging(JointEffect):
     """
 
     name = "cogging"
-    never_negative = frozenset({"amplitude", "amplitude_2", "amplitude_3"})
+    never_negative = frozenset(f"amplitude{end}" for end in ENDINGS)
     law = "A sin(N q + phase)"
     center: float = 0.0
 
@@ -62,7 +62,7 @@ class Cogging(JointEffect):
         unit = "1/turn" if turns else f"rad/{place.position_unit}"
         sine, cosine = (Parameter(name, place.force_unit, scale) for name in ("sine", "cosine"))
         made: Self | None = None
-        for waves in range(_WAVES, 0, -1):
+        for waves in range(len(ENDINGS), 0, -1):
             low = least if waves == 1 else max(least, _SEEN_TO_REPEAT * 2 * np.pi / width)
             quarter = 0.5 * np.pi / width
             count = Parameter("periods", unit, quarter, low=low, place=True)
@@ -80,9 +80,11 @@ class Cogging(JointEffect):
         resolved = 4.0 * self.parameters[-1].scale
         return bool((np.diff(np.sort(values[self.linear :])) >= resolved).all())
 
-    def once_more(self, values: Array, added: Array) -> Array:
+    def once_more(self, values: Array, added: Array) -> tuple[Effect, Array] | None:
         """Amplitudes, then periods; see :meth:`Effect.once_more`."""
-        return np.concatenate([values[: self.linear], added[:2], values[self.linear :], added[2:]])
+        if self.more is None:
+            return None
+        return self.more, np.concatenate([values[: self.linear], added[:2], values[self.linear :], added[2:]])
 
     def once_less(self, values: Array) -> list[Array]:
         """Without each wave; see :meth:`Effect.once_less`."""
@@ -102,7 +104,7 @@ class Cogging(JointEffect):
             return super().scan(position, pull)
         total, _ = np.histogram(position, bins, weights=pull)
         power = np.abs(np.fft.rfft(total, _PADDING * bins)) ** 2
-        periods = 2 * np.pi * np.arange(len(power)) * bins / (width * _PADDING * bins)
+        periods = 2 * np.pi * np.arange(len(power)) / (width * _PADDING)
         trend = ndimage.median_filter(power, _TREND * _PADDING)
         inside = (periods >= self.parameters[first].low) & (periods < periods[-1] / 2)
         found: list[float] = []
@@ -123,8 +125,7 @@ class Cogging(JointEffect):
     def write(self, spec: mujoco.MjSpec, values: Array) -> bool:
         """Writes passive DC motors with cogging, one for each wave."""
         law = self.describe(values)
-        for wave in range(self.linear // 2):
-            end = _ending(wave)
+        for end in ENDINGS[: self.linear // 2]:
             self.add_passive(spec, cogging=[law[f"amplitude{end}"], law[f"periods{end}"], law[f"phase{end}"]])
         return True
 
@@ -132,19 +133,15 @@ class Cogging(JointEffect):
         """Amplitude, number of periods and phase at zero; of the second largest wave ``amplitude_2`` and so on."""
         law = {}
         amplitudes = np.hypot(values[: self.linear : 2], values[1 : self.linear : 2])
-        for rank, wave in enumerate(np.argsort(-amplitudes, kind="stable")):
+        for end, wave in zip(ENDINGS, np.argsort(-amplitudes, kind="stable"), strict=False):
             sine, cosine, periods = values[2 * wave], values[2 * wave + 1], values[self.linear + wave]
             phase = np.arctan2(cosine, sine) - periods * self.center
-            law[f"amplitude{_ending(rank)}"] = float(amplitudes[wave])
-            law[f"periods{_ending(rank)}"] = float(periods)
-            law[f"phase{_ending(rank)}"] = float(np.arctan2(np.sin(phase), np.cos(phase)))
+            law[f"amplitude{end}"] = float(amplitudes[wave])
+            law[f"periods{end}"] = float(periods)
+            law[f"phase{end}"] = float(np.arctan2(np.sin(phase), np.cos(phase)))
         return law
-
-
-def _ending(wave: int) -> str:
-    return f"_{wave + 1}" if wave else ""
 
 
 def _numbered(parameters: Sequence[Parameter], waves: int) -> list[Parameter]:
     """The parameters of each wave in turn."""
-    return [dataclasses.replace(p, name=p.name + _ending(wave)) for wave in range(waves) for p in parameters]
+    return [dataclasses.replace(p, name=p.name + end) for end in ENDINGS[:waves] for p in parameters]

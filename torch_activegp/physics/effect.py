@@ -192,9 +192,9 @@ class Effect:
         """Values ``(P,)`` with which it does nothing: no amplitude, the same shape."""
         return np.where(np.arange(len(values)) < (self.linear or len(values)), 0.0, values)
 
-    def once_more(self, values: Array, added: Array) -> Array:
-        """Values of :attr:`more` that are this law with some values ``(P,)`` and the law once more with others."""
-        raise NotImplementedError
+    def once_more(self, values: Array, added: Array) -> tuple[Effect, Array] | None:
+        """This law with some values ``(P,)``, once more with others: :attr:`more` and its values; None without it."""
+        return None
 
     def once_less(self, values: Array) -> list[Array]:
         """Values of the form that acts once less, without each time in turn; none of a law that acts but once."""

@@ -26,7 +26,9 @@ class SensorEffect(Effect):
     channel: int = 0
 
     def actual(self, time: Array, reading: Array, velocity: Array, values: Array) -> tuple[Array, Array]:
-        """Where the joint was, and how fast, when a sensor with this effect read something; the inverse of `measure`.
+        """Where the joint was, and how fast, when a sensor with this effect read something: the inverse of `measure`.
+
+        What it read, unless a class says more.
 
         Args:
             time: s, ``(T,)``.
@@ -34,7 +36,7 @@ class SensorEffect(Effect):
             velocity: of the reading, rad/s or m/s, ``(T,)``.
             values: the parameters, ``(P,)``.
         """
-        raise NotImplementedError
+        return reading, velocity
 
     @classmethod
     def make(cls, place: Place, parameter: Parameter, seeds: list[float], linear: int) -> Self:
