@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from torch_activegp.diagnosis.screening import Atom, Screen
-from torch_activegp.diagnosis.tuning import beside, only_undoes, paying, undone
+from torch_activegp.diagnosis.tuning import at_an_optimum, beside, only_undoes, paying, undone
 
 NAMES = ("cubic_spring", "quadratic_drag", "viscous_friction", "armature_error")
 PRICE = 9.0
@@ -48,6 +48,19 @@ def test_what_gains_as_much_alone_hides_nothing(screened) -> None:
     """The same, but damping and rotor are off by themselves."""
     gradient = screened.gradient + screened.normal[:, 2:] @ np.array([3.0, -2.0])
     assert beside(dataclasses.replace(screened, gradient=gradient), PRICE, 0.0, 0.0) == []
+
+
+def test_a_tuned_nominal_stands_at_an_optimum_of_what_was_tuned(screened) -> None:
+    def of_the_tunable(gradient: np.ndarray) -> Screen:
+        """What a score test of damping and rotor alone finds."""
+        atoms = [dataclasses.replace(a, columns=slice(i, i + 1)) for i, a in enumerate(screened.atoms[2:])]
+        return Screen(tuple(atoms), screened.normal[2:, 2:], gradient[2:])
+
+    assert at_an_optimum(of_the_tunable(screened.gradient), 1e-3)
+    off = of_the_tunable(screened.gradient + screened.normal[:, 2:] @ np.array([0.3, -0.2]))
+    gain = off.joint_gain(off.best())
+    assert at_an_optimum(off, 2.1 * gain)
+    assert not at_an_optimum(off, 1.9 * gain)
 
 
 def test_only_what_pays_stays(screened) -> None:

@@ -8,7 +8,9 @@ import numpy as np
 import pytest
 
 from torch_activegp.physics import Parameter, Place, Step
-from torch_activegp.physics.joint import JointEffect
+from torch_activegp.physics.inertia import ArmatureError
+from torch_activegp.physics.joint import JointEffect, driven, drivers
+from torch_activegp.physics.springs import ConstantForce
 
 
 class Wind(JointEffect):
@@ -70,3 +72,19 @@ def test_positions_are_written_in_the_files_unit(bench: Any) -> None:
         bench.xml.replace('name="elbow" axis', 'name="elbow" type="slide" axis').replace('angle="radian"', "")
     )
     assert effect.angle(slide, np.pi) == np.pi
+
+
+_TWO = """<mujoco><worldbody><body><joint name="a" axis="0 1 0"/><geom size="0.1"/>
+<body pos="0 0 1"><joint name="b" axis="0 1 0"/><geom size="0.1"/></body></body></worldbody>
+<tendon><fixed name="cable"><joint joint="a" coef="1"/><joint joint="b" coef="1"/></fixed></tendon>
+<actuator><motor name="m" {on}/></actuator></mujoco>"""
+
+
+@pytest.mark.parametrize(("on", "second"), [('joint="a"', False), ('joint="b"', True), ('tendon="cable"', True)])
+def test_rotor_and_offset_are_tuned_where_a_drive_is(on: str, second: bool) -> None:
+    model = mujoco.MjModel.from_xml_string(_TWO.format(on=on))
+    place = Place("joint:b", 1)
+    assert driven(place, model) is second
+    assert list(drivers(place, model)) == ([0] if on == 'joint="b"' else [])
+    for kind in (ArmatureError, ConstantForce):
+        assert kind.at(place, model).tunable is second

@@ -30,7 +30,7 @@ from torch_activegp.diagnosis.runs import Array
 from torch_activegp.diagnosis.score import Score
 from torch_activegp.diagnosis.screening import Atom, Screen, screen
 from torch_activegp.diagnosis.shooting import Shooting
-from torch_activegp.diagnosis.tuning import beside, only_undoes, undone
+from torch_activegp.diagnosis.tuning import at_an_optimum, beside, only_undoes, undone
 from torch_activegp.physics.effect import Effect
 
 BEAM = 2
@@ -97,6 +97,8 @@ def select(
         selection.rescale(shooting.dof)
     expanded: set[frozenset[Effect]] = set()
     _search(selection, shooting, effects, expanded, tell, depth)
+    if not selection.score.free:
+        _try_tuned(selection, shooting, effects)
     if not selection.score.free and _seems_tuned(selection, shooting, effects):
         _simplify(selection, shooting, effects)
         _search(selection, shooting, effects, expanded, tell, depth)
@@ -141,6 +143,27 @@ def _search(
                 tell(f"testing what comes on top of {len(fit.effects)} effects")
                 _expand(selection, shooting, effects, fit)
         _simplify(selection, shooting, effects)
+        selection.rescale(shooting.dof)
+
+
+def _try_tuned(selection: Selection, shooting: Shooting, effects: Sequence[Effect]) -> None:
+    """Fits each name of the best set beside all that is tunable, where the nominal stands at an optimum of the latter.
+
+    A name that is not tunable may stand for several that are: a payload, for a gain, a damping and a rotor at once.
+    """
+    best, nominal, score = selection.best, selection.nominal, selection.score
+    tunable = [effect for effect in effects if effect.tunable]
+    named = [effect for effect in best.effects if not effect.tunable]
+    if len(named) < 2 or not at_an_optimum(screen(shooting, nominal, tunable), nominal.chi2 - best.chi2):
+        return
+    rests = [*([e for e in named if e is not one] for one in named), *([one] for one in named if len(named) > 2)]
+    sets: list[Set] = []
+    for rest in rests:
+        fit = fitted(shooting, selection, rest)
+        sets += undone(fit, screen(shooting, fit, _allowed(tunable, fit)), score.a_parameter * score.scale)
+    fresh = [some for some in sets if selection.of(some[0]) is None]
+    if fresh:
+        selection.add(shooting.fit(fresh, best.starts, race=True, design=best.design))
         selection.rescale(shooting.dof)
 
 

@@ -21,6 +21,8 @@ _HIDDEN = (0.2, 0.4, 0.75)
 _CERTAIN = 1.1
 """The same where a damping comes out below zero, on its joint: the nominal has more than there is, and that was put
 there by a modeller."""
+_OPTIMUM = 0.5
+"""All that is tunable together gains less than this part of what the best set explains, behind a tuning."""
 _LIKELY = (0.4, 0.6, 0.85)
 """The same to first order, for what is worth a fit: 8 of 11 tuned cases measured 0.08 to 0.66, two effects 0.5 to 3."""
 
@@ -74,6 +76,11 @@ def _overdamped(fit: Fit, effects: Sequence[Effect]) -> bool:
 def _bar(shares: Sequence[float], count: int) -> float:
     """The share for one, two, or more."""
     return shares[min(count, len(shares)) - 1]
+
+
+def at_an_optimum(screened: Screen, explained: float) -> bool:
+    """Whether all that is tunable gains little on top of the nominal, next to what is explained: as after a tuning."""
+    return screened.joint_gain(screened.best()) < _OPTIMUM * explained
 
 
 def undone(fit: Fit, screened: Screen, price: float) -> list[Set]:

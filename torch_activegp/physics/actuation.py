@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 from collections.abc import Sequence
-from typing import ClassVar, Self
+from typing import Any, ClassVar, Self
 
 import mujoco
 import numpy as np
@@ -34,7 +34,7 @@ class ActuatorEffect(Effect):
 
     @classmethod
     def make(
-        cls, place: Place, model: mujoco.MjModel, parameter: Parameter, seeds: Sequence[float], linear: int = 0
+        cls, place: Place, model: mujoco.MjModel, parameter: Parameter, seeds: Sequence[float], **options: Any
     ) -> Self:
         """Makes the effect for an actuator."""
         fed = (model.actuator_ctrladr == place.index) & (model.actuator_ctrlnum > 0)
@@ -45,11 +45,11 @@ class ActuatorEffect(Effect):
             place.target,
             (parameter,),
             np.array(seeds, dtype=float)[:, None],
-            linear=linear,
             index=place.index,
             nominal_gain=float(model.actuator_gainprm[actuator, 0]),
             drives=f"joint:{model.joint(joint).name or f'joint{joint}'}" if direct else "",
             gear=float(model.actuator_gear[actuator, 0]),
+            **{"linear": 0, **options},
         )
 
     def actuator(self, spec: mujoco.MjSpec) -> mujoco.MjsActuator:
@@ -75,13 +75,13 @@ class ActuatorGain(ActuatorEffect):
 
     name = "actuator_gain"
     law = "g u"
-    tunable = True
     order = 1
 
     @classmethod
     def at(cls, place: Place, model: mujoco.MjModel) -> Self:
         """Makes the effect for an actuator."""
-        return cls.make(place, model, Parameter("excess", "1", 0.05, low=-0.95, high=9.0), [0.05], linear=1)
+        parameter = Parameter("excess", "1", 0.05, low=-0.95, high=9.0)
+        return cls.make(place, model, parameter, [0.05], linear=1, tunable=True)
 
     def control(self, control: Array, dt: Array, values: Array) -> Array:
         """Scales the control."""
@@ -106,14 +106,13 @@ class ActuatorBias(ActuatorEffect):
 
     name = "actuator_bias"
     law = "u + b"
-    tunable = True
     order = 2
 
     @classmethod
     def at(cls, place: Place, model: mujoco.MjModel) -> Self:
         """Makes the effect for an actuator."""
         scale = 0.05 * place.control
-        return cls.make(place, model, Parameter("bias", "1", scale), [scale], linear=1)
+        return cls.make(place, model, Parameter("bias", "1", scale), [scale], linear=1, tunable=True)
 
     def control(self, control: Array, dt: Array, values: Array) -> Array:
         """Adds to the control."""

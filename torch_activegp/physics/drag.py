@@ -19,7 +19,6 @@ class ViscousFriction(JointEffect):
 
     name = "viscous_friction"
     law = "-c v"
-    tunable = True
     needs_steps = False
 
     @classmethod
@@ -28,7 +27,7 @@ class ViscousFriction(JointEffect):
         scale = _SMALL * place.force / place.speed
         unit = f"{place.force_unit} s/{place.position_unit}"
         parameter = Parameter("coefficient", unit, scale, low=-float(model.dof_damping[place.index]))
-        return cls.make(place, (parameter,), [[scale]])
+        return cls.make(place, (parameter,), [[scale]], tunable=True)
 
     def force(self, position: Array, velocity: Array, values: Sequence[Array] | Array) -> Array:
         """The law; see :meth:`JointEffect.force`."""

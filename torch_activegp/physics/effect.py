@@ -94,6 +94,7 @@ class Effect:
         variant: tells apart several forms of one name on one target.
         stands_in: whether this form is tried only in place of another one that a set holds already.
         more: this law and the same once more with other values, as one effect; None where a law acts but once.
+        tunable: whether a modeller would have tuned it on the machine's data, so that a nominal can hide others in it.
     """
 
     target: str
@@ -103,13 +104,12 @@ class Effect:
     variant: str = ""
     stands_in: bool = False
     more: Effect | None = None
+    tunable: bool = False
 
     name: ClassVar[str]
     law: ClassVar[str]
     covers: ClassVar[tuple[str, ...]] = ()
     """Names of effects on the same target that this one contains."""
-    tunable: ClassVar[bool] = False
-    """Whether a modeller would have tuned it on the machine's data, so that a nominal can hide others in it."""
     never_negative: ClassVar[frozenset[str]] = frozenset()
     """Described parameters of which no machine has less than none; their intervals say so."""
 

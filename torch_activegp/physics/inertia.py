@@ -11,7 +11,7 @@ import numpy as np
 
 from torch_activegp.physics.body import AXES, BodyEffect
 from torch_activegp.physics.effect import Array, Effect, Index, Parameter, Place, add_rotor
-from torch_activegp.physics.joint import JointEffect
+from torch_activegp.physics.joint import JointEffect, driven
 
 
 class ArmatureError(JointEffect):
@@ -19,7 +19,6 @@ class ArmatureError(JointEffect):
 
     name = "armature_error"
     law = "-J a"
-    tunable = True
     needs_steps = False
 
     @classmethod
@@ -28,7 +27,8 @@ class ArmatureError(JointEffect):
         inertia = 1.0 / max(float(model.dof_invweight0[place.index]), 1e-12)
         unit = "kg m2" if place.position_unit == "rad" else "kg"
         low = -0.9 * float(model.dof_armature[place.index])
-        return cls.make(place, (Parameter("armature", unit, 0.05 * inertia, low=low),), [[0.05 * inertia]])
+        parameter = Parameter("armature", unit, 0.05 * inertia, low=low)
+        return cls.make(place, (parameter,), [[0.05 * inertia]], tunable=driven(place, model))
 
     def edit(self, field: Callable[[str], Array], rows: Index, values: Array) -> bool:
         """Adds to ``dof_armature``."""

@@ -84,3 +84,15 @@ class JointEffect(Effect):
         )
         no_input = int(mujoco.mjtCtrlInput.mjINPUT_NONE)
         actuator.set_to_dcmotor(motorconst=[0.0, 0.0], resistance=1.0, ctrlspec=no_input, **laws)
+
+
+def drivers(place: Place, model: mujoco.MjModel) -> Index:
+    """The actuators on a joint."""
+    direct = (model.actuator_trntype == mujoco.mjtTrn.mjTRN_JOINT) & (model.actuator_ctrlnum > 0)
+    return np.flatnonzero(direct & (model.actuator_trnid[:, 0] == model.dof_jntid[place.index]))
+
+
+def driven(place: Place, model: mujoco.MjModel) -> bool:
+    """Whether an actuator moves a joint: one on it, or one that may move several, by a tendon for instance."""
+    elsewhere = (model.actuator_trntype != mujoco.mjtTrn.mjTRN_JOINT) & (model.actuator_ctrlnum > 0)
+    return bool(elsewhere.any() or drivers(place, model).size)

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from torch_activegp.physics.effect import Array, Effect, Index, Parameter, Place, Step, add_rotor
-from torch_activegp.physics.joint import JointEffect
+from torch_activegp.physics.joint import JointEffect, drivers
 
 _SMALL = 0.05
 _LIGHTEST = 0.01
@@ -106,7 +106,7 @@ class Backlash(Effect):
     @classmethod
     def fits(cls, place: Place, model: mujoco.MjModel) -> bool:
         """Whether motors without activation and without feedback drive the joint, and nothing else does."""
-        on = _drivers(place, model)
+        on = drivers(place, model)
         plain = (
             (model.actuator_gaintype[on] == mujoco.mjtGain.mjGAIN_FIXED)
             & ((model.actuator_biastype[on] == mujoco.mjtBias.mjBIAS_NONE) | _constant_bias(model)[on])
@@ -120,7 +120,7 @@ class Backlash(Effect):
         width = max(place.position[1] - place.position[0], 1e-9)
         armature = float(model.dof_armature[place.index])
         drives = []
-        for i in _drivers(place, model):
+        for i in drivers(place, model):
             gear, strength = model.actuator_gear[i, 0], model.actuator_gainprm[i, 0]
             most = abs(gear) * model.actuator_forcerange[i, 1] if model.actuator_forcelimited[i] else np.inf
             bias = model.actuator_biasprm[i, 0] if _constant_bias(model)[i] else 0.0
@@ -191,12 +191,6 @@ def _constant_bias(model: mujoco.MjModel) -> NDArray[np.bool_]:
     """Actuators whose bias is a constant: no feedback of position or speed."""
     affine = model.actuator_biastype == mujoco.mjtBias.mjBIAS_AFFINE
     return np.asarray(affine & ~model.actuator_biasprm[:, 1:3].any(axis=1))
-
-
-def _drivers(place: Place, model: mujoco.MjModel) -> Index:
-    """The actuators on a joint."""
-    direct = (model.actuator_trntype == mujoco.mjtTrn.mjTRN_JOINT) & (model.actuator_ctrlnum > 0)
-    return np.flatnonzero(direct & (model.actuator_trnid[:, 0] == model.dof_jntid[place.index]))
 
 
 MEMORY: tuple[type[Effect], ...] = (Hysteresis,)

@@ -11,7 +11,7 @@ import numpy as np
 
 from torch_activegp.physics.cogging import Cogging
 from torch_activegp.physics.effect import Array, Effect, Index, Parameter, Place
-from torch_activegp.physics.joint import JointEffect
+from torch_activegp.physics.joint import JointEffect, driven
 from torch_activegp.physics.stops import JointStop, LowerJointStop
 
 _SMALL = 0.05
@@ -28,7 +28,8 @@ class ConstantForce(JointEffect):
     def at(cls, place: Place, model: mujoco.MjModel) -> Self:
         """Makes the effect for a joint."""
         scale = _SMALL * place.force
-        return cls.make(place, (Parameter("force", place.force_unit, scale),), [[scale]])
+        parameter = Parameter("force", place.force_unit, scale)
+        return cls.make(place, (parameter,), [[scale]], tunable=driven(place, model))
 
     def force(self, position: Array, velocity: Array, values: Sequence[Array] | Array) -> Array:
         """The law; see :meth:`JointEffect.force`."""
