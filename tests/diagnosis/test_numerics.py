@@ -7,13 +7,18 @@ import numpy as np
 import pytest
 
 from torch_activegp.diagnosis.engine import NOMINAL
+from torch_activegp.diagnosis.noise_model import NoiseModel
 from torch_activegp.diagnosis.numerics import Numerics
+from torch_activegp.diagnosis.shooting import Shooting
 
+QUIET = NoiseModel.white(np.array([1e-4]))
 RK4, FAST, EULER = (int(getattr(mujoco.mjtIntegrator, f"mjINT_{name}")) for name in ("RK4", "IMPLICITFAST", "EULER"))
 
 
-def machine(bench, integrator: str, step: float):
-    text = bench.xml.replace("RK4", integrator).replace("0.005", str(step))
+def machine(bench, integrator: str, step: float, joint: str = ""):
+    text = (
+        bench.xml.replace("RK4", integrator).replace("0.005", str(step)).replace('name="hip"', f'name="hip" {joint}', 1)
+    )
     return dataclasses.replace(bench.machine, model=mujoco.MjModel.from_xml_string(text))
 
 
@@ -59,3 +64,22 @@ def test_the_numerics_are_judged_with_a_set_where_one_is_given(bench) -> None:
     assert nominal.effects == ()
     assert nominal.chi2 > 3 * judged.chi2
     assert judged.chi2 / shooting.dof == pytest.approx(1.0, abs=0.2)
+
+
+@pytest.mark.parametrize("form", ["firm", "fine", "given"])
+def test_dry_friction_of_the_model_may_stick_more_firmly_on_the_machine(clean, form: str) -> None:
+    """MuJoCo's default lets a stuck joint creep, which is no missing friction."""
+    made = Numerics.of(machine(clean, "Euler", 0.005, 'frictionloss="0.6"'), 1)
+    assert made.firm is not None
+    truth = getattr(made, form)
+    own = truth.predict(clean.segments, clean.nominal.starts[None], [NOMINAL])[0][0]
+    noise = 0.1 * clean.noise * np.random.default_rng(0).normal(size=own.shape)
+    shooting = Shooting(made.given, dataclasses.replace(clean.segments, position=own + noise), QUIET)
+    nominal = shooting.fit([((), ())], clean.nominal.starts)[0]
+    engine, working, _, judged = made.choose(shooting.segments, QUIET, nominal, nominal)
+    assert engine is truth
+    assert judged.chi2 / working.dof == pytest.approx(1.0, abs=0.25)
+
+
+def test_a_model_without_friction_has_no_firm_form(clean) -> None:
+    assert Numerics.of(machine(clean, "Euler", 0.005), 1).firm is None

@@ -11,7 +11,7 @@ from torch_activegp.diagnosis.machine import make_machine
 from torch_activegp.diagnosis.noise_model import NoiseModel
 from torch_activegp.diagnosis.score import Score
 from torch_activegp.diagnosis.segments import cut
-from torch_activegp.diagnosis.selection import Depth, _search, _seems_tuned, _try_tuned, select
+from torch_activegp.diagnosis.selection import Depth, _search, _seems_tuned, select
 from torch_activegp.diagnosis.shooting import Shooting
 
 NAMES = ("viscous_friction", "coulomb_friction", "quadratic_drag", "constant_force", "armature_error")
@@ -76,20 +76,12 @@ def test_what_only_undoes_a_tuning_frees_all_that_is_tunable(bench, monkeypatch,
     assert not _seems_tuned(Selection(bench.nominal, [bench.nominal, dry], score), bench.shooting, bench.effects)
 
 
-@pytest.mark.parametrize("optimum", [True, False])
-def test_a_name_that_stands_for_a_tuning_is_tried_beside_all_that_is_tunable(bench, monkeypatch, optimum: bool) -> None:
-    monkeypatch.setattr("torch_activegp.diagnosis.selection.at_an_optimum", lambda *_: optimum)
-    spring, load = bench.effect("cubic_spring"), bench.effect("payload_mass", "body:rod")
-    fits = bench.shooting.fit([((spring, load), (np.array([0.1]), np.array([0.07])))], bench.nominal.starts)
-    selection = Selection(bench.nominal, [bench.nominal, *fits], Score(bench.shooting.samples, 60, 1.0))
-    _try_tuned(selection, bench.shooting, bench.effects)
-    damping = ("viscous_friction", "joint:hip")
-    tried = [fit.keys for fit in selection.fits if damping in fit.keys]
-    assert any(spring.key in keys and load.key not in keys for keys in tried) == optimum
-    assert any(load.key in keys and spring.key not in keys for keys in tried) == optimum
-    alone = Selection(bench.nominal, [bench.nominal, bench.fit("cubic_spring", 0.1)], selection.score)
-    _try_tuned(alone, bench.shooting, bench.effects)
-    assert len(alone.fits) == 2
+@pytest.mark.parametrize("names", [("constant_force",), NAMES])
+def test_soft_friction_is_tried_where_nothing_comes_close_to_the_noise(bench, monkeypatch, names) -> None:
+    asked: list[float] = []
+    monkeypatch.setattr("torch_activegp.diagnosis.selection.soften", lambda found, *_: asked.append(found.score.scale))
+    chosen = select(bench.shooting, [bench.effect(name) for name in names], bench.nominal)
+    assert bool(asked) == chosen.score.inadequate == (names != NAMES)
 
 
 def _recorded(xml: str, steps: int = 20, rows: int = 201) -> Recording:

@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import copy
 import dataclasses
 import math
 from collections.abc import Sequence
 
 import mujoco
 import numpy as np
+from numpy.typing import NDArray
 
 from torch_activegp.diagnosis.chaining import chained
 from torch_activegp.diagnosis.engine import Engine, begin_drives, substeps_for
@@ -18,6 +20,7 @@ from torch_activegp.diagnosis.runs import Array, median_step
 from torch_activegp.diagnosis.segments import Segments
 from torch_activegp.diagnosis.shooting import Shooting
 from torch_activegp.physics.effect import Effect
+from torch_activegp.physics.friction import IMPEDANCE, SHARP
 
 _STEP = 0.005
 _STIFF_STEP = 0.001
@@ -63,6 +66,14 @@ def _touching(machine: Machine) -> float:
     return touching / max(seen, 1)
 
 
+def _sticking(model: mujoco.MjModel, rubbing: NDArray[np.bool_], step: float) -> mujoco.MjModel:
+    """The model with dry friction that sticks firmly, in time steps of some length, s."""
+    firm = copy.copy(model)
+    firm.dof_solref[rubbing, 0] = SHARP * step
+    firm.dof_solimp[rubbing, :2] = IMPEDANCE
+    return firm
+
+
 def _cheap(model: mujoco.MjModel) -> int:
     """The model's integrator, or the implicit one in place of Runge-Kutta's four evaluations."""
     runge_kutta = model.opt.integrator == _RUNGE_KUTTA
@@ -98,6 +109,7 @@ class Numerics:
         middle: Runge-Kutta with few steps, where coarse is not close enough; dry friction wants more of them.
         stiff: whether something touches in more than 1 % of the recorded poses, or constraints tie bodies together.
         finest: fine in shorter steps, for sets with effects that are forces held within a step; None for the same.
+        firm: fine, with the model's own dry friction sticking as firmly as a machine's does; None where it has none.
         late: coarse with its inputs half a step later, which costs as little and is often close where coarse is not;
             None where something touches or nothing drives.
     """
@@ -109,6 +121,7 @@ class Numerics:
     stiff: bool = False
     finest: Engine | None = None
     late: Engine | None = None
+    firm: Engine | None = None
 
     @classmethod
     def of(cls, machine: Machine, nthread: int = 0) -> Numerics:
@@ -136,8 +149,12 @@ class Numerics:
             middle = Engine(model, channels, halfway, nthread, _RUNGE_KUTTA, contacts=not free)
         if short > often:
             finest = Engine(model, channels, short, nthread, _RUNGE_KUTTA)
-        begin_drives([given, fine, coarse, late, middle, *([finest] if finest is not None else [])], machine.fit)
-        return cls(given, fine, coarse, middle, stiff, finest, late if model.nu and not stiff else None)
+        firm = None
+        if (rubbing := model.dof_frictionloss > 0.0).any():
+            firm = Engine(_sticking(model, rubbing, step / often), channels, often, nthread, _RUNGE_KUTTA)
+        others = [engine for engine in (finest, firm) if engine is not None]
+        begin_drives([given, fine, coarse, late, middle, *others], machine.fit)
+        return cls(given, fine, coarse, middle, stiff, finest, late if model.nu and not stiff else None, firm)
 
     def choose(
         self,
@@ -196,7 +213,7 @@ class Numerics:
 
     def _forms(self, effects: Sequence[Effect], known: Known | None) -> list[Engine]:
         """The precise forms that compete behind a set; the one that was taken before is among them."""
-        forms = [self.given, self.fine, *([known[0]] if known else [])]
+        forms = [self.given, self.fine, *([self.firm] if self.firm is not None else []), *([known[0]] if known else [])]
         if self.finest is not None and any(effect.needs_steps for effect in effects):
             forms.append(self.finest)
         return list(dict.fromkeys(forms))

@@ -22,7 +22,7 @@ MOST = 6
 _BEAM = 6
 _BEST = 2
 _START = 0.15
-TWO_SIDED = "asymmetric_friction"
+TWO_SIDED, SOFT = "asymmetric_friction", "soft"
 _LATE = ({"actuator_delay", "sensor_delay"}, {"actuator_lag", "sensor_delay"}, {"actuator_delay", "actuator_lag"})
 
 
@@ -173,6 +173,19 @@ def simpler(
     plain += [*_merged(pairs, effects), *_once_less(pairs, effects)]
     fresh = [some for some in fewer if frozenset(some[0]) not in known]
     return fresh + [some for some in plain if known.get(frozenset(some[0]), np.inf) > close]
+
+
+def softened(sets: Iterable[Set], effects: Sequence[Effect]) -> list[Set]:
+    """Those of some sets that hold a firm law, with a soft form of it in its place."""
+    out: list[Set] = []
+    for some in sets:
+        pairs = list(zip(*some, strict=True))
+        soft = {
+            e: form for e, _ in pairs for form in effects if form.key == e.key and form.variant == SOFT != e.variant
+        }
+        if soft:
+            out.append(_set([(soft[e], soft[e].taking_over(e, v)) if e in soft else (e, v) for e, v in pairs]))
+    return out
 
 
 def _other_forms(pairs: Sequence[tuple[Effect, Array]], effects: Sequence[Effect]) -> list[Set]:

@@ -127,6 +127,13 @@ def screen(shooting: Shooting, fit: Fit, effects: Sequence[Effect]) -> Screen:
     return Screen(tuple(atoms), normal, gradient)
 
 
+def allowed(effects: Sequence[Effect], fit: Fit) -> list[Effect]:
+    """Those of some effects that may come on top of a fit."""
+    taken = fit.keys - {e.key for e in fit.effects if e.more is not None}
+    covered = {(name, e.target) for e in fit.effects for name in e.covers}
+    return [e for e in effects if not e.stands_in and e.key not in taken and e.key not in covered]
+
+
 def _width(effect: Effect) -> int:
     return len(effect.seeds) * max(effect.linear, 1)
 

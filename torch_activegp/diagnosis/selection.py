@@ -4,14 +4,14 @@ from __future__ import annotations
 
 import dataclasses
 import functools
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from typing import NamedTuple
 
 import numpy as np
 
-from torch_activegp.diagnosis.compared import Selection, fitted, without_each
+from torch_activegp.diagnosis.compared import Selection, fitted
 from torch_activegp.diagnosis.fit import Fit
-from torch_activegp.diagnosis.heats import CLOSE, PART, heat, near
+from torch_activegp.diagnosis.heats import CLOSE, heat
 from torch_activegp.diagnosis.proposals import (
     MOST,
     Set,
@@ -19,7 +19,6 @@ from torch_activegp.diagnosis.proposals import (
     companies,
     diverse,
     join,
-    late_elsewhere,
     richer,
     simpler,
     with_values,
@@ -28,21 +27,18 @@ from torch_activegp.diagnosis.proposals import (
 from torch_activegp.diagnosis.repeated import repeated
 from torch_activegp.diagnosis.runs import Array
 from torch_activegp.diagnosis.score import Score
-from torch_activegp.diagnosis.screening import Atom, Screen, screen
+from torch_activegp.diagnosis.screening import Atom, Screen, allowed, screen
 from torch_activegp.diagnosis.shooting import Shooting
-from torch_activegp.diagnosis.tuning import at_an_optimum, beside, only_undoes, undone
+from torch_activegp.diagnosis.stand_ins import soften, swap, try_tuned
+from torch_activegp.diagnosis.tuning import beside, only_undoes, undone
 from torch_activegp.physics.effect import Effect
 
 BEAM = 2
-RIVALS = 4
 SWAPS = 2
 HOPELESS = 0.5
-ALIKE = 0.6
-"""To stand in for an effect, another one must gain so much of what it gains, to first order."""
 MAX_EFFECTS = 4
 _CHEAP = 60
 """So many fits of one segment cost little: where there are few segments, more is fitted than looks best."""
-_PLENTY = 400.0
 _COMPANY = 40
 _ROUNDS = 10
 _PATIENCE = 160e6
@@ -98,7 +94,7 @@ def select(
     expanded: set[frozenset[Effect]] = set()
     _search(selection, shooting, effects, expanded, tell, depth)
     if not selection.score.free:
-        _try_tuned(selection, shooting, effects)
+        try_tuned(selection, shooting, effects)
     if not selection.score.free and _seems_tuned(selection, shooting, effects):
         _simplify(selection, shooting, effects)
         _search(selection, shooting, effects, expanded, tell, depth)
@@ -117,8 +113,7 @@ def _search(
     depth: Depth,
 ) -> None:
     """Develops the best sets until none is left that could become the best."""
-    swapped: frozenset[Effect] = frozenset()
-    swaps = 0
+    resorts = _resorts(selection, shooting, effects, tell, depth.swaps)
     for _ in range(depth.rounds):
         if shooting.work > depth.work:
             selection.cut_short = True
@@ -129,12 +124,8 @@ def _search(
         if not beam and hopeless and frozenset() not in expanded:
             beam = [selection.nominal]  # what was found on a part of the data led astray: from the beginning, on all
         if not beam:
-            if frozenset(selection.best.effects) == swapped or swaps == depth.swaps or hopeless:
+            if next(resorts, None) is None:
                 break
-            swaps += 1
-            swapped = frozenset(selection.best.effects)
-            tell("testing what could stand in place of each effect")
-            _swap(selection, shooting, effects)
             continue
         for fit in beam:
             expanded.add(frozenset(fit.effects))
@@ -146,25 +137,21 @@ def _search(
         selection.rescale(shooting.dof)
 
 
-def _try_tuned(selection: Selection, shooting: Shooting, effects: Sequence[Effect]) -> None:
-    """Fits each name of the best set beside all that is tunable, where the nominal stands at an optimum of the latter.
-
-    A name that is not tunable may stand for several that are: a payload, for a gain, a damping and a rotor at once.
-    """
-    best, nominal, score = selection.best, selection.nominal, selection.score
-    tunable = [effect for effect in effects if effect.tunable]
-    named = [effect for effect in best.effects if not effect.tunable]
-    if len(named) < 2 or not at_an_optimum(screen(shooting, nominal, tunable), nominal.chi2 - best.chi2):
-        return
-    rests = [*([e for e in named if e is not one] for one in named), *([one] for one in named if len(named) > 2)]
-    sets: list[Set] = []
-    for rest in rests:
-        fit = fitted(shooting, selection, rest)
-        sets += undone(fit, screen(shooting, fit, _allowed(tunable, fit)), score.a_parameter * score.scale)
-    fresh = [some for some in sets if selection.of(some[0]) is None]
-    if fresh:
-        selection.add(shooting.fit(fresh, best.starts, race=True, design=best.design))
-        selection.rescale(shooting.dof)
+def _resorts(
+    selection: Selection, shooting: Shooting, effects: Sequence[Effect], tell: Callable[[str], None], swaps: int
+) -> Iterator[str]:
+    """What is tried where no set is left to develop, one at a time, by its name."""
+    if selection.score.inadequate:
+        soften(selection, shooting, effects)
+        yield "soft friction"
+    swapped: frozenset[Effect] = frozenset()
+    for _ in range(swaps):
+        if frozenset(selection.best.effects) == swapped or _hopeless(selection, shooting, 1):
+            break
+        swapped = frozenset(selection.best.effects)
+        tell("testing what could stand in place of each effect")
+        swap(selection, shooting, effects)
+        yield "rivals"
 
 
 def _seems_tuned(selection: Selection, shooting: Shooting, effects: Sequence[Effect]) -> bool:
@@ -191,7 +178,7 @@ def _only_undoes(selection: Selection, shooting: Shooting) -> bool:
 
 def _expand(selection: Selection, shooting: Shooting, effects: Sequence[Effect], fit: Fit) -> None:
     """Fits the most promising sets that contain a fit and something more."""
-    screened = screen(shooting, fit, _allowed(effects, fit))
+    screened = screen(shooting, fit, allowed(effects, fit))
     most = max(MOST, _CHEAP // shooting.segments.size)
     proposed = [*_proposals(selection, fit, screened, most), *richer(fit, effects)]
     if selection.score.names_in(fit.effects) < len(fit.effects):
@@ -209,12 +196,6 @@ def _hopeless(selection: Selection, shooting: Shooting, least: int) -> bool:
     there = nominal.chi2 - shooting.dof
     left = best.chi2 - shooting.dof
     return len(best.effects) >= least and there > 0.2 * shooting.dof and left > HOPELESS * there
-
-
-def _allowed(effects: Sequence[Effect], fit: Fit) -> list[Effect]:
-    taken = fit.keys - {e.key for e in fit.effects if e.more is not None}
-    covered = {(name, e.target) for e in fit.effects for name in e.covers}
-    return [e for e in effects if not e.stands_in and e.key not in taken and e.key not in covered]
 
 
 def _proposals(selection: Selection, fit: Fit, screened: Screen, most: int) -> list[Set]:
@@ -256,34 +237,3 @@ def _simplify(selection: Selection, shooting: Shooting, effects: Sequence[Effect
     sets = heat(shooting, sets, best, score)
     if sets:
         selection.add(shooting.fit(sets, best.starts, rounds=_ROUNDS, design=best.design))
-
-
-def _same_or_more(effect: Effect, than: Effect) -> bool:
-    """Whether an effect is another one or contains it: it was tried on top already."""
-    return effect is than or (effect.target == than.target and than.name in effect.covers)
-
-
-def _swap(selection: Selection, shooting: Shooting, effects: Sequence[Effect]) -> None:
-    """Tries other effects in place of each effect of the best set: rivals, and the way out of a false start."""
-    best = selection.best
-    smaller = without_each(selection, shooting)
-    if not smaller:
-        return
-    gain = min(fit.chi2 for _, fit in smaller) - best.chi2
-    part, which = shooting.subset(min(max(_PLENTY / max(gain, 1.0), PART), 1.0))
-    fresh = {frozenset(some[0]): some for some in late_elsewhere(best, effects)}
-    for effect, fit in smaller:
-        screened = screen(part, fit.pick(which), _allowed(effects, fit))
-        least = ALIKE * max((a.gain for a in screened.atoms if a.effect.key == effect.key), default=0.0)
-        atoms = [a for a in screened.best() if a.gain >= least and not _same_or_more(a.effect, effect)]
-        for atom in diverse(atoms, RIVALS):
-            rival = join(fit, [atom])
-            fresh.setdefault(frozenset(rival[0]), rival)
-    for known in selection.fits:
-        fresh.pop(frozenset(known.effects), None)
-    sets = list(fresh.values())
-    if sets and part.segments.size < shooting.segments.size:
-        sets = near(part, sets, best.pick(which), [CLOSE * selection.score.scale] * len(sets))
-    if sets:
-        selection.add(shooting.fit(sets, best.starts, race=True, design=best.design))
-    selection.rescale(shooting.dof)

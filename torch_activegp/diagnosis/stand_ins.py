@@ -1,0 +1,88 @@
+"""What could stand in place of what a search found, or behind it: rivals, soft friction, a tuned nominal."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from torch_activegp.diagnosis.compared import Selection, fitted, without_each
+from torch_activegp.diagnosis.heats import CLOSE, PART, near
+from torch_activegp.diagnosis.proposals import SOFT, Set, diverse, join, late_elsewhere, softened
+from torch_activegp.diagnosis.screening import allowed, screen
+from torch_activegp.diagnosis.shooting import Shooting
+from torch_activegp.diagnosis.tuning import at_an_optimum, undone
+from torch_activegp.physics.effect import Effect
+
+RIVALS = 4
+ALIKE = 0.6
+"""To stand in for an effect, another one must gain so much of what it gains, to first order."""
+_PLENTY = 400.0
+_PROMISING = 0.2
+"""Part of the chi2 that dry friction must gain to first order for its soft form to be tried."""
+
+
+def swap(selection: Selection, shooting: Shooting, effects: Sequence[Effect]) -> None:
+    """Tries other effects in place of each effect of the best set: rivals, and the way out of a false start."""
+    best = selection.best
+    smaller = without_each(selection, shooting)
+    if not smaller:
+        return
+    gain = min(fit.chi2 for _, fit in smaller) - best.chi2
+    part, which = shooting.subset(min(max(_PLENTY / max(gain, 1.0), PART), 1.0))
+    fresh = {frozenset(some[0]): some for some in late_elsewhere(best, effects)}
+    for effect, fit in smaller:
+        screened = screen(part, fit.pick(which), allowed(effects, fit))
+        least = ALIKE * max((a.gain for a in screened.atoms if a.effect.key == effect.key), default=0.0)
+        atoms = [a for a in screened.best() if a.gain >= least and not _same_or_more(a.effect, effect)]
+        for atom in diverse(atoms, RIVALS):
+            rival = join(fit, [atom])
+            fresh.setdefault(frozenset(rival[0]), rival)
+    for known in selection.fits:
+        fresh.pop(frozenset(known.effects), None)
+    sets = list(fresh.values())
+    if sets and part.segments.size < shooting.segments.size:
+        sets = near(part, sets, best.pick(which), [CLOSE * selection.score.scale] * len(sets))
+    if sets:
+        selection.add(shooting.fit(sets, best.starts, race=True, design=best.design))
+    selection.rescale(shooting.dof)
+
+
+def _same_or_more(effect: Effect, than: Effect) -> bool:
+    """Whether an effect is another one or contains it: it was tried on top already."""
+    return effect is than or (effect.target == than.target and than.name in effect.covers)
+
+
+def soften(selection: Selection, shooting: Shooting, effects: Sequence[Effect]) -> None:
+    """Fits soft forms of dry friction on top of the best set and of the nominal.
+
+    Firm friction on a light joint lets go and catches within a few rows; no fit of it finds the way from far off.
+    """
+    firm = [effect for effect in effects if any(form.key == effect.key and form.variant == SOFT for form in effects)]
+    sets: list[Set] = []
+    for fit in {id(fit): fit for fit in (selection.best, selection.nominal)}.values():
+        atoms = screen(shooting, fit, allowed(firm, fit)).best()
+        sets += softened([join(fit, [atom]) for atom in atoms if atom.gain > _PROMISING * fit.chi2], effects)
+    sets = [some for some in sets if selection.of(some[0]) is None]
+    if sets:
+        selection.add(shooting.fit(sets, selection.best.starts, design=selection.best.design))
+        selection.rescale(shooting.dof)
+
+
+def try_tuned(selection: Selection, shooting: Shooting, effects: Sequence[Effect]) -> None:
+    """Fits each name of the best set beside all that is tunable, where the nominal stands at an optimum of the latter.
+
+    A name that is not tunable may stand for several that are: a payload, for a gain, a damping and a rotor at once.
+    """
+    best, nominal, score = selection.best, selection.nominal, selection.score
+    tunable = [effect for effect in effects if effect.tunable]
+    named = [effect for effect in best.effects if not effect.tunable]
+    if len(named) < 2 or not at_an_optimum(screen(shooting, nominal, tunable), nominal.chi2 - best.chi2):
+        return
+    rests = [*([e for e in named if e is not one] for one in named), *([one] for one in named if len(named) > 2)]
+    sets: list[Set] = []
+    for rest in rests:
+        fit = fitted(shooting, selection, rest)
+        sets += undone(fit, screen(shooting, fit, allowed(tunable, fit)), score.a_parameter * score.scale)
+    fresh = [some for some in sets if selection.of(some[0]) is None]
+    if fresh:
+        selection.add(shooting.fit(fresh, best.starts, race=True, design=best.design))
+        selection.rescale(shooting.dof)
