@@ -87,6 +87,8 @@ def test_as_many_names_as_are_tried_must_explain_nearly_all(bench, monkeypatch) 
         monkeypatch.setattr("torch_activegp.diagnosis.judge.MAX_EFFECTS", most)
         monkeypatch.setattr("torch_activegp.diagnosis.judge.CROWDED", left)
         assert judge(bench.shooting, selection(bench, half)).verdict == "unknown"
+    monkeypatch.setattr("torch_activegp.diagnosis.judge.OVERCROWDED", 0.15)
+    assert judge(bench.shooting, selection(bench, half)).verdict == "named"
 
 
 @pytest.mark.parametrize(("visible", "verdict"), [(1e-3, "unknown"), (1e3, "named")])

@@ -29,7 +29,9 @@ SEEN = 0.08
 MANY, SEEN_BEHIND_MANY = 3, 0.03
 """The same behind so many names: together they imitate much that is not on the list. Right ones left up to 0.01."""
 CROWDED = 0.04
-"""The same where as many names as are tried leave it, and none of it may be left where there are more."""
+"""The same where as many names as are tried leave it,"""
+OVERCROWDED = 0.001
+"""and where there are more: a nominal that was tuned badly is several names, which leave next to nothing."""
 ALIKE = 0.002
 """Two names that say the same as one leave no more by this part, what fits are short of; less is no objection."""
 SURE = 1e-5
@@ -137,7 +139,7 @@ def judge(shooting: Shooting, selection: Selection) -> Judgement:
     probabilities = tuple(_probability(rivals, effect) for effect in order)
     ties = tuple((*_ties(rivals, best, effect), *as_two(rivals, best, effect)) for effect in order)
     p_value = min(before.p_value, float(stats.chi2.sf(gain / score.scale, best.size)) * score.names)
-    crowded = len(order) > MAX_EFFECTS or (len(order) == MAX_EFFECTS and unexplained > CROWDED)
+    crowded = len(order) >= MAX_EFFECTS and unexplained > (CROWDED if len(order) == MAX_EFFECTS else OVERCROWDED)
     seen = SEEN if len(order) < MANY else SEEN_BEHIND_MANY
     most = seen if _visible(shooting, after) else INADEQUATE
     if after.p_value < DOUBT and (unexplained > most or crowded):
