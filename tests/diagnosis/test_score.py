@@ -19,11 +19,13 @@ def test_a_name_and_a_parameter_have_their_price(bench) -> None:
     assert larger.price([one]) > 100 * score.price([one])
 
 
-def test_the_score_is_chi2_in_units_of_the_noise_and_the_price(bench) -> None:
-    score = Score(samples=400, names=10, scale=2.0)
-    assert score(bench.nominal) == pytest.approx(bench.nominal.chi2 / 2.0)
+@pytest.mark.parametrize(("scale", "first"), [(2.0, 6.0), (5.0, 20.0)])
+def test_the_score_is_chi2_in_units_of_the_noise_and_the_price(bench, scale: float, first: float) -> None:
+    """The first effect costs more, and most where what is left is no white noise of a known size."""
+    score = Score(samples=400, names=10, scale=scale)
+    assert score(bench.nominal) == pytest.approx(bench.nominal.chi2 / scale)
     fit = bench.fit("viscous_friction", 0.05)
-    assert score(fit) == pytest.approx(fit.chi2 / 2.0 + score.price(fit.effects))
+    assert score(fit) == pytest.approx(fit.chi2 / scale + score.price(fit.effects) + first)
 
 
 def test_what_seems_tuned_costs_its_parameters_alone(bench) -> None:

@@ -18,7 +18,7 @@ from torch_activegp.diagnosis.noise_floor import noise_floor
 from torch_activegp.diagnosis.noise_left import quieter
 from torch_activegp.diagnosis.noise_model import NoiseModel
 from torch_activegp.diagnosis.numerics import Numerics, Sets
-from torch_activegp.diagnosis.proposals import beginning
+from torch_activegp.diagnosis.proposals import beginning, late_elsewhere
 from torch_activegp.diagnosis.runs import Array, median_step
 from torch_activegp.diagnosis.segments import Segments, cut, halve
 from torch_activegp.diagnosis.selection import Depth, select
@@ -197,14 +197,15 @@ def _finish(
             tell("naming with the numerics seen behind the effects")
             seen = [(judged.effects, judged.values), *leaders]
             selection = select(shooting, effects, bare, seen, judged.starts, tell, selection.score.free)
-    _polish(shooting, selection)
+    _polish(shooting, selection, effects)
     return Explanation(engine, shooting, selection, tuple(effects), engine is not numerics.given)
 
 
-def _polish(shooting: Shooting, selection: Selection) -> None:
+def _polish(shooting: Shooting, selection: Selection, effects: Sequence[Effect]) -> None:
     """The best set with all derivatives taken there, and its close rivals from the states and parameters that it found.
 
-    Sets that nothing tells apart reach the same chi2 only so, and each may show the others the way.
+    Sets that nothing tells apart reach the same chi2 only so, and each may show the others the way; what comes late
+    elsewhere is fitted from there too, for it may have been given up in a race.
     """
     for number in range(_POLISHES if selection.best.effects else 0):
         best = selection.best
@@ -217,8 +218,9 @@ def _polish(shooting: Shooting, selection: Selection) -> None:
         short = max(2.0 * gained, 0.0 if number else stuck, 0.0)
         reach = selection.score(best) + _RIVAL + short / selection.score.scale
         near = [fit for fit in selection.ranked()[:_NEAR] if fit is not best and selection.score(fit) < reach]
-        if near:
-            sets = [some for fit in near for some in _starts_of(fit, best)]
+        sets = [some for fit in near for some in _starts_of(fit, best)]
+        sets += [] if number else late_elsewhere(best, effects)
+        if sets:
             selection.add(shooting.fit(sets, best.starts, design=best.design))
         selection.rescale(shooting.dof)
         if gained <= _SETTLED and selection.score(selection.best) > selection.score(best) - _SETTLED:

@@ -15,6 +15,10 @@ MATERIAL = 0.006
 OF_THE_REST = 1 / 3
 """The same part of what is left, where that is not noise."""
 _INADEQUATE = 4.0
+_FIRST, _FIRST_UNSURE = 6.0, 20.0
+"""What any effect at all must gain beyond its price: odds of 20 to 1 against none, as between ties; and more where what
+is left is much more than the noise, for then it is coloured too, behind a filter without phase for instance, and a
+single gain seems larger than it is."""
 _LENIENT = 0.3
 
 
@@ -41,7 +45,8 @@ class Score:
 
     def __call__(self, fit: Fit) -> float:
         """Extended BIC; smaller is better."""
-        return fit.chi2 / self.scale + self.price(fit.effects)
+        first = (_FIRST_UNSURE if self.inadequate else _FIRST) if fit.effects else 0.0
+        return fit.chi2 / self.scale + self.price(fit.effects) + first
 
     @property
     def slack(self) -> float:

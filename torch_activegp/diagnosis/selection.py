@@ -93,9 +93,10 @@ def select(
         selection.rescale(shooting.dof)
     expanded: set[frozenset[Effect]] = set()
     _search(selection, shooting, effects, expanded, tell, depth)
-    if not selection.score.free:
-        try_tuned(selection, shooting, effects)
-    if not selection.score.free and _seems_tuned(selection, shooting, effects):
+    found = selection.best
+    try_tuned(selection, shooting, effects)
+    tuned = not selection.score.free and _seems_tuned(selection, shooting, effects)
+    if tuned or selection.best is not found:
         _simplify(selection, shooting, effects)
         _search(selection, shooting, effects, expanded, tell, depth)
     if selection.score.free and not _only_undoes(selection, shooting):

@@ -68,14 +68,16 @@ def soften(selection: Selection, shooting: Shooting, effects: Sequence[Effect]) 
 
 
 def try_tuned(selection: Selection, shooting: Shooting, effects: Sequence[Effect]) -> None:
-    """Fits each name of the best set beside all that is tunable, where the nominal stands at an optimum of the latter.
+    """Fits each name of the best set beside all that is tunable, where the nominal seems to be tuned.
 
     A name that is not tunable may stand for several that are: a payload, for a gain, a damping and a rotor at once.
     """
     best, nominal, score = selection.best, selection.nominal, selection.score
     tunable = [effect for effect in effects if effect.tunable]
     named = [effect for effect in best.effects if not effect.tunable]
-    if len(named) < 2 or not at_an_optimum(screen(shooting, nominal, tunable), nominal.chi2 - best.chi2):
+    if len(named) < 2:
+        return
+    if not score.free and not at_an_optimum(screen(shooting, nominal, tunable), nominal.chi2 - best.chi2):
         return
     rests = [*([e for e in named if e is not one] for one in named), *([one] for one in named if len(named) > 2)]
     sets: list[Set] = []
