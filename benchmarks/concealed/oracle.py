@@ -60,8 +60,10 @@ class Case:
         )
 
     def engines(self) -> Iterator[Engine]:
-        """Numerics to try, in order: of the diagnosis, fine and as the model says, and steps of 1 ms."""
+        """Numerics to try, in order: of the diagnosis, fine, firm and as the model says, and steps of 1 ms."""
         yield self.numerics.fine
+        if self.numerics.firm is not None:
+            yield self.numerics.firm
         yield self.numerics.given
         count = max(round(median_step(self.machine.fit) / _FINEST), 1)
         if count > self.numerics.fine.substeps:

@@ -4,7 +4,7 @@ import mujoco
 import numpy as np
 import pytest
 
-from torch_activegp.diagnosis.correction import corrected_xml
+from torch_activegp.diagnosis.correction import Form, corrected_xml
 from torch_activegp.physics import Effect
 
 
@@ -25,9 +25,16 @@ def test_an_effect_is_in_the_model_that_is_written(bench, spec) -> None:
 
 def test_numerics_are_written_too(spec) -> None:
     implicit = int(mujoco.mjtIntegrator.mjINT_IMPLICITFAST)
-    text, held, _ = corrected_xml(spec, [], [], (implicit, 0.0025))
+    text, held, _ = corrected_xml(spec, [], [], Form(implicit, 0.0025))
     model = mujoco.MjModel.from_xml_string(text)
     assert (model.opt.integrator, model.opt.timestep, held) == (implicit, 0.0025, [])
+
+
+def test_friction_that_sticks_firmly_is_written_where_there_is_some(bench) -> None:
+    spec = mujoco.MjSpec.from_string(bench.xml.replace('name="hip"', 'name="hip" frictionloss="0.6"', 1))
+    for rubbing, solref in ((spec, 0.002), (mujoco.MjSpec.from_string(bench.xml), 0.02)):
+        text, *_ = corrected_xml(rubbing, [], [], Form(1, 0.001, firm=True))
+        assert mujoco.MjModel.from_xml_string(text).dof_solref[0, 0] == pytest.approx(solref)
 
 
 def test_what_mjcf_cannot_hold_is_said(bench, spec) -> None:

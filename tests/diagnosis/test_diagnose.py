@@ -13,6 +13,7 @@ from torch_activegp.diagnosis import diagnose
 from torch_activegp.diagnosis.diagnose import _remainder
 from torch_activegp.errors import ConfigurationError, DataError
 from torch_activegp.physics import Parameter, Place
+from torch_activegp.physics.friction import write_sharp
 from torch_activegp.physics.joint import JointEffect
 from torch_activegp.report import write_report
 
@@ -118,6 +119,36 @@ def test_the_corrected_model_reproduces_the_held_out_error_in_plain_mujoco(recor
     error = np.sqrt(np.mean((np.array(seen) - measured) ** 2)) / measured.std()
     assert error == pytest.approx(found.details["fit"]["holdout"]["free_run"]["after"], rel=0.02)
     assert error < 0.3 * found.details["fit"]["holdout"]["free_run"]["before"]
+
+
+def test_the_corrected_model_sticks_where_the_machine_does(bench, record) -> None:
+    """The model lets its own friction creep, the machine does not, and has more damping."""
+    nominal = bench.xml.replace('name="hip"', 'name="hip" frictionloss="0.6"', 1)
+    spec = mujoco.MjSpec.from_string(nominal.replace('"0.005"', '"0.001"'))
+    write_sharp(spec.joint("hip"), 0.001)
+    spec.joint("hip").damping[0] = 0.1
+    truth = spec.compile()
+
+    def angles(model: mujoco.MjModel, control: np.ndarray) -> np.ndarray:
+        data, seen = mujoco.MjData(model), []
+        for u in control:
+            seen.append(data.qpos[0])
+            data.ctrl[:] = u
+            mujoco.mj_step(model, data, round(0.01 / model.opt.timestep))
+        return np.array(seen)
+
+    runs, rng = [], np.random.default_rng(1)
+    for seed in range(3):
+        control = 2.0 * np.asarray(record("none", seed)["ctrl.drive"])
+        noisy = angles(truth, control) + 2e-4 * rng.normal(size=len(control))
+        runs.append(record("none", seed, name=f"run{seed}", qpos__hip=noisy, ctrl__drive=control))
+    found = diagnose(nominal, runs[:2], runs[2:])
+    assert [effect.name for effect in found.effects] == ["viscous_friction"]
+    assert any("sticks firmly" in note for note in found.details["notes"])
+    corrected = mujoco.MjModel.from_xml_string(found.files["corrected.xml"])
+    assert np.abs(angles(corrected, control) - angles(truth, control)).max() < 2e-3
+    hold = np.full(200, 0.4)
+    assert np.abs(angles(corrected, hold)).max() < 3e-4 < np.abs(angles(bench.machine.model, hold)).max()
 
 
 def test_two_calls_give_equal_dictionaries(bench, record, diagnosed) -> None:

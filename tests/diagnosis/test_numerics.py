@@ -83,3 +83,11 @@ def test_dry_friction_of_the_model_may_stick_more_firmly_on_the_machine(clean, f
 
 def test_a_model_without_friction_has_no_firm_form(clean) -> None:
     assert Numerics.of(machine(clean, "Euler", 0.005), 1).firm is None
+
+
+def test_firm_friction_is_as_firm_as_that_of_short_steps(clean) -> None:
+    """Whatever the model's own time step."""
+    firm = Numerics.of(machine(clean, "Euler", 0.01, 'frictionloss="0.6"'), 1).firm
+    assert firm is not None
+    assert firm.model.dof_solref[0, 0] < 0.003
+    assert firm.substeps == 8

@@ -15,6 +15,7 @@ from torch_activegp.diagnosis.proposals import (
     late_elsewhere,
     richer,
     simpler,
+    softened,
     with_values,
     without_weak,
 )
@@ -232,3 +233,12 @@ def test_cogging_that_comes_once_more_is_one_effect_of_two_waves(bench) -> None:
     assert third.more is None
     full = dataclasses.replace(fit, effects=(third,), values=(more,))
     assert join(full, [atom])[0] == (third,)
+
+
+def test_firm_friction_in_a_set_has_a_soft_form(bench) -> None:
+    firm, drag = bench.effect("coulomb_friction"), bench.effect("quadratic_drag")
+    sets = [((drag, firm), (np.array([0.2]), np.array([0.3]))), ((drag,), (np.array([0.2]),))]
+    (((kept, soft), values),) = softened(sets, bench.effects)
+    assert (kept, soft.key, soft.variant) == (drag, firm.key, "soft")
+    assert [value.tolist() for value in values] == [[0.2], [0.3]]
+    assert softened([((soft,), (np.array([0.3]),))], bench.effects) == []

@@ -13,6 +13,7 @@ import pytest
 import torch
 
 from torch_activegp.diagnosis import Diagnosis, EffectSimulator
+from torch_activegp.diagnosis.correction import Form
 from torch_activegp.diagnosis.engine import Candidate
 from torch_activegp.diagnosis.runs import Channels
 from torch_activegp.diagnosis.simulator import corrected_simulator
@@ -95,7 +96,7 @@ def test_refuses_gradients_and_wrong_shapes(simulator: EffectSimulator) -> None:
 def test_mjcf_makes_a_mujoco_simulator_of_the_same_time_step(bench: Any) -> None:
     source = read_source(MujocoSimulator(mujoco.MjSpec.from_string(bench.xml), frame_skip=2))
     rk4 = int(mujoco.mjtIntegrator.mjINT_RK4)
-    for numerics, skip in ((None, 2), ((rk4, 0.0025), 4), ((rk4, 0.05), 1)):
+    for numerics, skip in ((None, 2), (Form(rk4, 0.0025), 4), (Form(rk4, 0.05), 1)):
         made = corrected_simulator(source, bench.machine.channels, Candidate(), bench.xml, numerics)
         assert isinstance(made, MujocoSimulator)
         assert made.frame_skip == skip

@@ -17,13 +17,22 @@ def test_rivals_take_the_place_of_what_was_found(bench) -> None:
 
 def test_dry_friction_that_looks_promising_is_fitted_in_its_soft_form(bench) -> None:
     selection = Selection(bench.nominal, [bench.nominal], Score(bench.shooting.samples, 60, 1.0))
-    soften(selection, bench.shooting, bench.effects)
-    (fit,) = selection.fits[1:]
+    assert soften(selection, bench.shooting, bench.effects)
+    (fit,) = selection.fits[1:]  # once, though the nominal is the best set too
     assert [(e.name, e.variant) for e in fit.effects] == [("coulomb_friction", "soft")]
     assert fit.chi2 < bench.nominal.chi2
     explained = Selection(bench.nominal, [bench.nominal, bench.fit("viscous_friction", 0.05), fit], selection.score)
-    soften(explained, bench.shooting, bench.effects)
+    assert not soften(explained, bench.shooting, bench.effects)
     assert len(explained.fits) == 3
+
+
+def test_soft_friction_is_looked_for_on_top_of_the_nominal_where_the_best_set_led_astray(bench) -> None:
+    """The best set holds another form of friction already, and nothing may come on top of it."""
+    wet = bench.fit("asymmetric_friction", 0.02, 0.02)
+    selection = Selection(bench.nominal, [bench.nominal, wet], Score(bench.shooting.samples, 60, 1.0))
+    assert selection.best is wet
+    assert soften(selection, bench.shooting, bench.effects)
+    assert selection.fits[-1].keys == {("coulomb_friction", "joint:hip")}
 
 
 @pytest.mark.parametrize("optimum", [True, False])
@@ -37,6 +46,21 @@ def test_a_name_that_stands_for_a_tuning_is_tried_beside_all_that_is_tunable(ben
     tried = [fit.keys for fit in selection.fits if damping in fit.keys]
     assert any(spring.key in keys and load.key not in keys for keys in tried) == optimum
     assert any(load.key in keys and spring.key not in keys for keys in tried) == optimum
+    known = len(selection.fits)
+    try_tuned(selection, bench.shooting, [effect for effect in bench.effects if not effect.tunable])
+    assert len(selection.fits) == known
     alone = Selection(bench.nominal, [bench.nominal, bench.fit("cubic_spring", 0.1)], selection.score)
     try_tuned(alone, bench.shooting, bench.effects)
     assert len(alone.fits) == 2
+
+
+def test_each_of_three_names_is_tried_alone_beside_what_is_tunable(bench) -> None:
+    three = tuple(bench.effect(name) for name in ("cubic_spring", "quadratic_drag", "coulomb_friction"))
+    values = (np.array([0.1]), np.array([0.01]), np.array([0.01]))
+    fits = bench.shooting.fit([(three, values)], bench.nominal.starts)
+    score = Score(bench.shooting.samples, 60, 1.0, free=frozenset(e.key for e in bench.effects if e.tunable))
+    selection = Selection(bench.nominal, [bench.nominal, *fits], score)
+    try_tuned(selection, bench.shooting, bench.effects)
+    damping = ("viscous_friction", "joint:hip")
+    beside = {frozenset(fit.keys & {e.key for e in three}) for fit in selection.fits if damping in fit.keys}
+    assert {frozenset({e.key}) for e in three} <= beside

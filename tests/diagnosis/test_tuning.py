@@ -70,6 +70,16 @@ def test_only_what_pays_stays(screened) -> None:
     assert paying(screened, [], tunable, PRICE) == []
 
 
+def test_of_two_names_for_one_thing_one_pays(screened) -> None:
+    """A drive's bias and a constant force on its joint: half of each would seem to be needed."""
+    hidden, _, rotor, damping = screened.atoms
+    every = [0, 1, 2, 3, 3]
+    normal, gradient = screened.normal[np.ix_(every, every)], screened.gradient[every]
+    twin = dataclasses.replace(damping, columns=slice(4, 5))
+    both = Screen((*screened.atoms, twin), normal, gradient)
+    assert paying(both, [hidden], [rotor, damping, twin], PRICE) == [rotor, damping]
+
+
 def test_what_is_undone_comes_on_top_of_a_set(bench) -> None:
     fit = bench.fit("cubic_spring", 0.1)
     atom = Atom(bench.effect("viscous_friction"), np.array([0.06]), 50.0, slice(0, 1), np.array([0.06]))

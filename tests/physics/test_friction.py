@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from torch_activegp.physics.drag import AsymmetricFriction, QuadraticDrag, ViscousFriction
-from torch_activegp.physics.friction import FRICTION, AsymmetricCoulomb, CoulombFriction, StribeckFriction
+from torch_activegp.physics.friction import FRICTION, AsymmetricCoulomb, CoulombFriction, StribeckFriction, sticking
 
 # effect, values, how far the law as a plain force and the model's file may be from it, in parts of its effect
 CASES = [
@@ -95,3 +95,21 @@ def test_stribeck_is_described_by_its_two_levels(bench: Any) -> None:
     assert effect.describe(np.array([0.3, 0.2, 0.5])) == {"coulomb": 0.3, "static": 0.5, "velocity": 0.5}
     assert effect.covers == ("coulomb_friction",)
     assert not effect.write(bench.spec, np.array([0.0, 0.2, 0.5]))
+
+
+@pytest.mark.parametrize("softness", ["", 'solreffriction="-10000 -200"'])
+def test_the_models_own_friction_can_stick_firmly(softness: str) -> None:
+    """MuJoCo's default lets it creep, and so do a stiffness and a damping that are written instead of a time."""
+    soft = mujoco.MjModel.from_xml_string(STUCK.replace('name="j"', f'name="j" frictionloss="0.4" {softness}'))
+    crept = []
+    for model in (soft, sticking(soft, 0.001)):
+        data = mujoco.MjData(model)
+        data.ctrl[0] = 0.3
+        mujoco.mj_step(model, data, 500)
+        crept.append(abs(data.qpos[0]))
+    assert crept[1] < 0.1 * crept[0]
+    assert crept[1] < 5e-4
+    assert not soft.dof_solimp[0, 0] == sticking(soft, 0.001).dof_solimp[0, 0]
+    assert np.array_equal(sticking(soft, 0.001).dof_solref[0], [0.002, 1.0])
+    free = mujoco.MjModel.from_xml_string(STUCK)
+    assert np.array_equal(sticking(free, 0.001).dof_solref, free.dof_solref)

@@ -77,14 +77,25 @@ def test_positions_are_written_in_the_files_unit(bench: Any) -> None:
 _TWO = """<mujoco><worldbody><body><joint name="a" axis="0 1 0"/><geom size="0.1"/>
 <body pos="0 0 1"><joint name="b" axis="0 1 0"/><geom size="0.1"/></body></body></worldbody>
 <tendon><fixed name="cable"><joint joint="a" coef="1"/><joint joint="b" coef="1"/></fixed></tendon>
-<actuator><motor name="m" {on}/></actuator></mujoco>"""
+<actuator><{on}/></actuator></mujoco>"""
+_LOSS = 'dcmotor joint="b" motorconst="0 0" resistance="1" input="none" cogging="0.1 6 0"'
 
 
-@pytest.mark.parametrize(("on", "second"), [('joint="a"', False), ('joint="b"', True), ('tendon="cable"', True)])
+@pytest.mark.parametrize(
+    ("on", "second"),
+    [
+        ('motor joint="a"', False),
+        ('motor joint="b"', True),
+        ('motor jointinparent="a"', False),
+        ('motor jointinparent="b"', True),
+        ('motor tendon="cable"', True),
+        (_LOSS, False),
+    ],
+)
 def test_rotor_and_offset_are_tuned_where_a_drive_is(on: str, second: bool) -> None:
     model = mujoco.MjModel.from_xml_string(_TWO.format(on=on))
     place = Place("joint:b", 1)
     assert driven(place, model) is second
-    assert list(drivers(place, model)) == ([0] if on == 'joint="b"' else [])
+    assert list(drivers(place, model)) == ([0] if second and "tendon" not in on else [])
     for kind in (ArmatureError, ConstantForce):
         assert kind.at(place, model).tunable is second

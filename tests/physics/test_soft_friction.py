@@ -7,7 +7,7 @@ import mujoco
 import numpy as np
 import pytest
 
-from torch_activegp.physics.friction import CoulombFriction
+from torch_activegp.physics.friction import CoulombFriction, write_sharp
 from torch_activegp.physics.soft_friction import SoftCoulombFriction
 
 STUCK = """
@@ -46,10 +46,21 @@ def test_it_is_another_form_of_one_name(bench: Any) -> None:
 
 
 def test_what_the_file_says_of_softness_stays(bench: Any) -> None:
-    effect = SoftCoulombFriction.at(bench.shoulder, bench.model)
     spec = mujoco.MjSpec.from_string(bench.xml)
     spec.joint("shoulder").solref_friction = np.array([0.05, 1.0])
+    effect = SoftCoulombFriction.at(bench.shoulder, spec.compile())
+    write_sharp(spec.joint("shoulder"), 0.001)
     assert effect.write(spec, np.array([0.4]))
     model = spec.compile()
     assert model.dof_frictionloss[0] == pytest.approx(0.4)
     assert model.dof_solref[0, 0] == 0.05
+    assert model.dof_solimp[0, 0] == bench.model.dof_solimp[0, 0]
+
+
+def test_it_is_soft_where_the_model_was_made_firm(bench: Any) -> None:
+    soft = dataclasses.replace(bench, xml=bench.xml.replace('name="shoulder"', 'name="shoulder" frictionloss="0.1"', 1))
+    effect = SoftCoulombFriction.at(soft.shoulder, soft.model)
+    spec = mujoco.MjSpec.from_string(soft.xml)
+    write_sharp(spec.joint("shoulder"), 0.001)
+    firm = dataclasses.replace(soft, xml=spec.to_xml())
+    assert bench.gap(firm.hooks(effect, [0.3]), soft.hooks(effect, [0.3])) < 1e-9

@@ -20,6 +20,7 @@ from torch_activegp.physics.inertia import ArmatureError
 from torch_activegp.physics.joint import JointEffect
 from torch_activegp.physics.sensing import SensorEffect
 from torch_activegp.physics.soft_friction import SoftCoulombFriction
+from torch_activegp.physics.springs import ConstantForce
 from torch_activegp.simulators import Simulator
 from torch_activegp.simulators.load import USER_FAULTS
 
@@ -176,10 +177,11 @@ def accelerations(effects: Sequence[Effect]) -> list[Effect]:
     """The effects that can act on a black box, with the units of accelerations.
 
     These are laws on a joint, and what happens to controls and readings; not what changes masses, or stands between a
-    motor and its joint.
+    motor and its joint. Which control drives which joint is not known.
     """
     kept = [e for e in effects if isinstance(e, (JointEffect, ActuatorEffect, SensorEffect))]
     kept = [dataclasses.replace(e, drives="") if isinstance(e, ActuatorEffect) else e for e in kept]
+    kept = [dataclasses.replace(e, tunable=False) if isinstance(e, ConstantForce) else e for e in kept]
     return [_as_acceleration(e) for e in kept if not isinstance(e, (ArmatureError, SoftCoulombFriction))]
 
 

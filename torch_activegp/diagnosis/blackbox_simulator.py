@@ -8,6 +8,7 @@ from torch import Tensor
 from torch_activegp.diagnosis.blackbox import BlackBox
 from torch_activegp.diagnosis.blackbox_engine import BlackBoxEngine
 from torch_activegp.diagnosis.candidate import Candidate
+from torch_activegp.diagnosis.correction import Form
 from torch_activegp.diagnosis.runs import Channels
 from torch_activegp.diagnosis.simulator import EffectSimulator, _numbers, corrected_simulator
 from torch_activegp.diagnosis.source import Source
@@ -68,7 +69,7 @@ def simulator_with(
     channels: Channels,
     candidate: Candidate,
     xml: str | None,
-    numerics: tuple[int, float] | None = None,
+    numerics: Form | None = None,
 ) -> Simulator | None:
     """The simulator with effects in it, of any nominal; arguments and result as in `corrected_simulator`.
 

@@ -4,19 +4,35 @@ from __future__ import annotations
 
 import difflib
 from collections.abc import Sequence
+from typing import NamedTuple
 
 import mujoco
 import numpy as np
 
 from torch_activegp.diagnosis.runs import Array
 from torch_activegp.physics.effect import Effect
+from torch_activegp.physics.friction import write_sharp
+
+
+class Form(NamedTuple):
+    """How a fit integrated a model, where that is not the model's own way.
+
+    Args:
+        integrator: one of ``mujoco.mjtIntegrator``.
+        step: time step, s.
+        firm: whether the dry friction of the model's own joints stuck firmly.
+    """
+
+    integrator: int
+    step: float
+    firm: bool = False
 
 
 def corrected_xml(
     spec: mujoco.MjSpec | None,
     effects: Sequence[Effect],
     values: Sequence[Array],
-    numerics: tuple[int, float] | None,
+    numerics: Form | None,
 ) -> tuple[str | None, list[bool | None], str | None]:
     """Writes effects into a model.
 
@@ -24,7 +40,7 @@ def corrected_xml(
         spec: the nominal model; it is left as it is. None for a simulator that is none in MJCF.
         effects: what to write.
         values: their parameters.
-        numerics: integrator and time step that the fit used, where they are not the model's own.
+        numerics: how the fit integrated, where that is not the model's own way.
 
     Returns:
         The MJCF text, or None if no effect could be written; whether each effect is in it, None without a nominal; the
@@ -35,7 +51,10 @@ def corrected_xml(
     before = spec.to_xml()
     edited = spec.copy()
     if numerics is not None:  # first: the softness of dry friction and the shortest delay are those of its time step
-        edited.option.integrator, edited.option.timestep = numerics
+        edited.option.integrator, edited.option.timestep = numerics.integrator, numerics.step
+        for joint in edited.joints if numerics.firm else ():
+            if joint.frictionloss > 0.0:
+                write_sharp(joint, numerics.step)
     held: list[bool | None] = [
         effect.write(edited, np.asarray(value)) for effect, value in zip(effects, values, strict=True)
     ]

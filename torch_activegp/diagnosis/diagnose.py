@@ -12,7 +12,7 @@ from torch_activegp.diagnosis.blackbox import accelerations
 from torch_activegp.diagnosis.blackbox_engine import BlackBoxEngine
 from torch_activegp.diagnosis.blackbox_simulator import simulator_with
 from torch_activegp.diagnosis.checkpoint import Checkpoint
-from torch_activegp.diagnosis.correction import corrected_xml
+from torch_activegp.diagnosis.correction import Form, corrected_xml
 from torch_activegp.diagnosis.engine import NOMINAL
 from torch_activegp.diagnosis.evidence import laws, map_region, map_time
 from torch_activegp.diagnosis.experiment import next_experiment
@@ -112,7 +112,8 @@ def _report(
     numerics = None
     if explanation.fine:
         step = median_step(machine.fit)
-        numerics = (explanation.engine.model.opt.integrator, step / explanation.engine.substeps)
+        engine = explanation.engine
+        numerics = Form(engine.model.opt.integrator, step / engine.substeps, explanation.firm)
     xml, held, difference = corrected_xml(source.spec, chosen.effects, chosen.values, numerics)
     corrected = simulator_with(source, machine.channels, chosen.candidate, xml if all(held) else None, numerics)
     learned = None
@@ -283,8 +284,8 @@ def _numerics_note(explanation: Explanation) -> list[str]:
             "should where it integrates by semi-implicit Euler; that difference is discretisation and is not named. "
             "The corrected simulator keeps the controls as they are."
         ]
-    model = engine.model
+    firmly = " and with dry friction in its joints that sticks firmly, where MuJoCo lets it creep" * explanation.firm
     return [
         "The recordings agree better with the model integrated more finely than its own time step of "
-        f"{model.opt.timestep:g} s says; that difference is discretisation and is not named."
+        f"{engine.model.opt.timestep:g} s says{firmly}; that difference is one of numerics and is not named."
     ]

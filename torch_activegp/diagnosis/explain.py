@@ -61,7 +61,8 @@ class Explanation:
         shooting: the likelihood in the end.
         selection: the sets.
         effects: all that was tried.
-        fine: whether the model was integrated more finely than it says.
+        fine: whether the model was integrated in another way than it says.
+        firm: whether the dry friction of its own joints stuck firmly.
     """
 
     engine: Engine
@@ -69,6 +70,7 @@ class Explanation:
     selection: Selection
     effects: tuple[Effect, ...]
     fine: bool
+    firm: bool = False
 
 
 Tell = Callable[[str], None]
@@ -198,7 +200,8 @@ def _finish(
             seen = [(judged.effects, judged.values), *leaders]
             selection = select(shooting, effects, bare, seen, judged.starts, tell, selection.score.free)
     _polish(shooting, selection, effects)
-    return Explanation(engine, shooting, selection, tuple(effects), engine is not numerics.given)
+    fine, firm = engine is not numerics.given, engine is numerics.firm
+    return Explanation(engine, shooting, selection, tuple(effects), fine, firm)
 
 
 def _polish(shooting: Shooting, selection: Selection, effects: Sequence[Effect]) -> None:

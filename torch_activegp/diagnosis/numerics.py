@@ -2,14 +2,12 @@
 
 from __future__ import annotations
 
-import copy
 import dataclasses
 import math
 from collections.abc import Sequence
 
 import mujoco
 import numpy as np
-from numpy.typing import NDArray
 
 from torch_activegp.diagnosis.chaining import chained
 from torch_activegp.diagnosis.engine import Engine, begin_drives, substeps_for
@@ -20,7 +18,7 @@ from torch_activegp.diagnosis.runs import Array, median_step
 from torch_activegp.diagnosis.segments import Segments
 from torch_activegp.diagnosis.shooting import Shooting
 from torch_activegp.physics.effect import Effect
-from torch_activegp.physics.friction import IMPEDANCE, SHARP
+from torch_activegp.physics.friction import sticking
 
 _STEP = 0.005
 _STIFF_STEP = 0.001
@@ -66,14 +64,6 @@ def _touching(machine: Machine) -> float:
     return touching / max(seen, 1)
 
 
-def _sticking(model: mujoco.MjModel, rubbing: NDArray[np.bool_], step: float) -> mujoco.MjModel:
-    """The model with dry friction that sticks firmly, in time steps of some length, s."""
-    firm = copy.copy(model)
-    firm.dof_solref[rubbing, 0] = SHARP * step
-    firm.dof_solimp[rubbing, :2] = IMPEDANCE
-    return firm
-
-
 def _cheap(model: mujoco.MjModel) -> int:
     """The model's integrator, or the implicit one in place of Runge-Kutta's four evaluations."""
     runge_kutta = model.opt.integrator == _RUNGE_KUTTA
@@ -109,7 +99,8 @@ class Numerics:
         middle: Runge-Kutta with few steps, where coarse is not close enough; dry friction wants more of them.
         stiff: whether something touches in more than 1 % of the recorded poses, or constraints tie bodies together.
         finest: fine in shorter steps, for sets with effects that are forces held within a step; None for the same.
-        firm: fine, with the model's own dry friction sticking as firmly as a machine's does; None where it has none.
+        firm: fine in short steps, with dry friction that the model's joints have sticking as firmly as a machine's; None
+            where they have none.
         late: coarse with its inputs half a step later, which costs as little and is often close where coarse is not;
             None where something touches or nothing drives.
     """
@@ -150,8 +141,9 @@ class Numerics:
         if short > often:
             finest = Engine(model, channels, short, nthread, _RUNGE_KUTTA)
         firm = None
-        if (rubbing := model.dof_frictionloss > 0.0).any():
-            firm = Engine(_sticking(model, rubbing, step / often), channels, often, nthread, _RUNGE_KUTTA)
+        if model.dof_frictionloss.any():
+            fast = max(often, short)
+            firm = Engine(sticking(model, step / fast), channels, fast, nthread, _RUNGE_KUTTA)
         others = [engine for engine in (finest, firm) if engine is not None]
         begin_drives([given, fine, coarse, late, middle, *others], machine.fit)
         return cls(given, fine, coarse, middle, stiff, finest, late if model.nu and not stiff else None, firm)
@@ -207,7 +199,7 @@ class Numerics:
 
     def _cost(self, engine: Engine, fit: Fit, chi2: float, dof: int) -> float:
         """What a fit leaves, with what its parameters and its form must be worth."""
-        price = _PRICE * fit.size + (_FINEST if engine is self.finest else 0.0)
+        price = _PRICE * fit.size + (_FINEST if engine in (self.finest, self.firm) else 0.0)
         much = max(chi2 - _MUCH * dof, 0.0)
         return chi2 + price + (0.0 if engine is self.given else _CLEARLY * much)
 

@@ -14,6 +14,7 @@ from torch_activegp.diagnosis.runs import Array
 from torch_activegp.diagnosis.screening import Atom
 from torch_activegp.physics.actuation import ActuatorBias, ActuatorEffect
 from torch_activegp.physics.effect import Effect
+from torch_activegp.physics.soft_friction import SOFT
 
 Set = tuple[tuple[Effect, ...], tuple[Array, ...]]
 Worth = Callable[[tuple[Atom, ...]], float]
@@ -22,7 +23,7 @@ MOST = 6
 _BEAM = 6
 _BEST = 2
 _START = 0.15
-TWO_SIDED, SOFT = "asymmetric_friction", "soft"
+TWO_SIDED = "asymmetric_friction"
 _LATE = ({"actuator_delay", "sensor_delay"}, {"actuator_lag", "sensor_delay"}, {"actuator_delay", "actuator_lag"})
 
 

@@ -94,7 +94,8 @@ def select(
     expanded: set[frozenset[Effect]] = set()
     _search(selection, shooting, effects, expanded, tell, depth)
     found = selection.best
-    try_tuned(selection, shooting, effects)
+    if not selection.cut_short:
+        try_tuned(selection, shooting, effects)
     tuned = not selection.score.free and _seems_tuned(selection, shooting, effects)
     if tuned or selection.best is not found:
         _simplify(selection, shooting, effects)
@@ -125,7 +126,7 @@ def _search(
         if not beam and hopeless and frozenset() not in expanded:
             beam = [selection.nominal]  # what was found on a part of the data led astray: from the beginning, on all
         if not beam:
-            if next(resorts, None) is None:
+            if not next(resorts, False):
                 break
             continue
         for fit in beam:
@@ -140,11 +141,10 @@ def _search(
 
 def _resorts(
     selection: Selection, shooting: Shooting, effects: Sequence[Effect], tell: Callable[[str], None], swaps: int
-) -> Iterator[str]:
-    """What is tried where no set is left to develop, one at a time, by its name."""
-    if selection.score.inadequate:
-        soften(selection, shooting, effects)
-        yield "soft friction"
+) -> Iterator[bool]:
+    """What is tried where no set is left to develop, one at a time."""
+    if selection.score.inadequate and soften(selection, shooting, effects):
+        yield True
     swapped: frozenset[Effect] = frozenset()
     for _ in range(swaps):
         if frozenset(selection.best.effects) == swapped or _hopeless(selection, shooting, 1):
@@ -152,7 +152,7 @@ def _resorts(
         swapped = frozenset(selection.best.effects)
         tell("testing what could stand in place of each effect")
         swap(selection, shooting, effects)
-        yield "rivals"
+        yield True
 
 
 def _seems_tuned(selection: Selection, shooting: Shooting, effects: Sequence[Effect]) -> bool:

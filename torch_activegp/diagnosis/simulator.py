@@ -12,11 +12,13 @@ import numpy as np
 import torch
 from torch import Tensor
 
+from torch_activegp.diagnosis.correction import Form
 from torch_activegp.diagnosis.engine import Candidate, Engine
 from torch_activegp.diagnosis.runs import Array, Channels, Run
 from torch_activegp.diagnosis.segments import Segments
 from torch_activegp.diagnosis.source import Source
 from torch_activegp.errors import ConfigurationError, SimulationError
+from torch_activegp.physics.friction import sticking
 from torch_activegp.simulators import MujocoSimulator, Simulator
 from torch_activegp.simulators.mujoco_layout import action_space, state_space
 
@@ -120,7 +122,7 @@ def corrected_simulator(
     channels: Channels,
     candidate: Candidate,
     xml: str | None,
-    numerics: tuple[int, float] | None = None,
+    numerics: Form | None = None,
 ) -> Simulator | None:
     """The simulator with effects in it.
 
@@ -129,7 +131,7 @@ def corrected_simulator(
         channels: the recorded joints.
         candidate: the effects.
         xml: MJCF text that holds all of them, or None.
-        numerics: integrator and time step that the fit used, where they are not the model's own.
+        numerics: how the fit integrated, where that is not the model's own way.
 
     Returns:
         A `MujocoSimulator` where there is such a text, else an `EffectSimulator`; both with the nominal's time between
@@ -137,7 +139,7 @@ def corrected_simulator(
     """
     model = source.model
     dt = float(model.opt.timestep) * source.frame_skip
-    integrator, step = numerics or (int(model.opt.integrator), float(model.opt.timestep))
+    integrator, step, firm = numerics or Form(int(model.opt.integrator), float(model.opt.timestep))
     substeps = max(math.ceil(dt / step - 1e-6), 1)
     if xml is not None:
         try:
@@ -148,6 +150,7 @@ def corrected_simulator(
             _logger.debug("the corrected text does not compile alone")
     if model.na:
         return None
+    model = sticking(model, dt / substeps) if firm else model
     return EffectSimulator(model, channels, candidate, dt=dt, substeps=substeps, integrator=integrator)
 
 

@@ -6,11 +6,12 @@ from collections.abc import Sequence
 
 from torch_activegp.diagnosis.compared import Selection, fitted, without_each
 from torch_activegp.diagnosis.heats import CLOSE, PART, near
-from torch_activegp.diagnosis.proposals import SOFT, Set, diverse, join, late_elsewhere, softened
+from torch_activegp.diagnosis.proposals import Set, diverse, join, late_elsewhere, softened
 from torch_activegp.diagnosis.screening import allowed, screen
 from torch_activegp.diagnosis.shooting import Shooting
 from torch_activegp.diagnosis.tuning import at_an_optimum, undone
 from torch_activegp.physics.effect import Effect
+from torch_activegp.physics.soft_friction import SOFT
 
 RIVALS = 4
 ALIKE = 0.6
@@ -51,20 +52,21 @@ def _same_or_more(effect: Effect, than: Effect) -> bool:
     return effect is than or (effect.target == than.target and than.name in effect.covers)
 
 
-def soften(selection: Selection, shooting: Shooting, effects: Sequence[Effect]) -> None:
-    """Fits soft forms of dry friction on top of the best set and of the nominal.
+def soften(selection: Selection, shooting: Shooting, effects: Sequence[Effect]) -> bool:
+    """Fits soft forms of dry friction on top of the best set and of the nominal; returns whether there were any.
 
     Firm friction on a light joint lets go and catches within a few rows; no fit of it finds the way from far off.
     """
     firm = [effect for effect in effects if any(form.key == effect.key and form.variant == SOFT for form in effects)]
-    sets: list[Set] = []
+    tried = False
     for fit in {id(fit): fit for fit in (selection.best, selection.nominal)}.values():
         atoms = screen(shooting, fit, allowed(firm, fit)).best()
-        sets += softened([join(fit, [atom]) for atom in atoms if atom.gain > _PROMISING * fit.chi2], effects)
-    sets = [some for some in sets if selection.of(some[0]) is None]
-    if sets:
-        selection.add(shooting.fit(sets, selection.best.starts, design=selection.best.design))
-        selection.rescale(shooting.dof)
+        sets = softened([join(fit, [atom]) for atom in atoms if atom.gain > _PROMISING * fit.chi2], effects)
+        if fresh := [some for some in sets if selection.of(some[0]) is None]:
+            selection.add(shooting.fit(fresh, fit.starts, design=fit.design))
+            tried = True
+    selection.rescale(shooting.dof)
+    return tried
 
 
 def try_tuned(selection: Selection, shooting: Shooting, effects: Sequence[Effect]) -> None:
@@ -75,14 +77,15 @@ def try_tuned(selection: Selection, shooting: Shooting, effects: Sequence[Effect
     best, nominal, score = selection.best, selection.nominal, selection.score
     tunable = [effect for effect in effects if effect.tunable]
     named = [effect for effect in best.effects if not effect.tunable]
-    if len(named) < 2:
+    if not tunable or len(named) < 2:
         return
     if not score.free and not at_an_optimum(screen(shooting, nominal, tunable), nominal.chi2 - best.chi2):
         return
     rests = [*([e for e in named if e is not one] for one in named), *([one] for one in named if len(named) > 2)]
     sets: list[Set] = []
     for rest in rests:
-        fit = fitted(shooting, selection, rest)
+        fit = fitted(shooting, selection, rest, best)
+        selection.add([fit] if selection.of(rest) is None else [])
         sets += undone(fit, screen(shooting, fit, allowed(tunable, fit)), score.a_parameter * score.scale)
     fresh = [some for some in sets if selection.of(some[0]) is None]
     if fresh:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 from collections.abc import Sequence
-from typing import Any, ClassVar, Self
+from typing import ClassVar, Self
 
 import mujoco
 import numpy as np
@@ -34,7 +34,7 @@ class ActuatorEffect(Effect):
 
     @classmethod
     def make(
-        cls, place: Place, model: mujoco.MjModel, parameter: Parameter, seeds: Sequence[float], **options: Any
+        cls, place: Place, model: mujoco.MjModel, parameter: Parameter, seeds: Sequence[float], linear: int = 0
     ) -> Self:
         """Makes the effect for an actuator."""
         fed = (model.actuator_ctrladr == place.index) & (model.actuator_ctrlnum > 0)
@@ -49,7 +49,7 @@ class ActuatorEffect(Effect):
             nominal_gain=float(model.actuator_gainprm[actuator, 0]),
             drives=f"joint:{model.joint(joint).name or f'joint{joint}'}" if direct else "",
             gear=float(model.actuator_gear[actuator, 0]),
-            **{"linear": 0, **options},
+            linear=linear,
         )
 
     def actuator(self, spec: mujoco.MjSpec) -> mujoco.MjsActuator:
@@ -81,7 +81,7 @@ class ActuatorGain(ActuatorEffect):
     def at(cls, place: Place, model: mujoco.MjModel) -> Self:
         """Makes the effect for an actuator."""
         parameter = Parameter("excess", "1", 0.05, low=-0.95, high=9.0)
-        return cls.make(place, model, parameter, [0.05], linear=1, tunable=True)
+        return dataclasses.replace(cls.make(place, model, parameter, [0.05], linear=1), tunable=True)
 
     def control(self, control: Array, dt: Array, values: Array) -> Array:
         """Scales the control."""
@@ -112,7 +112,8 @@ class ActuatorBias(ActuatorEffect):
     def at(cls, place: Place, model: mujoco.MjModel) -> Self:
         """Makes the effect for an actuator."""
         scale = 0.05 * place.control
-        return cls.make(place, model, Parameter("bias", "1", scale), [scale], linear=1, tunable=True)
+        made = cls.make(place, model, Parameter("bias", "1", scale), [scale], linear=1)
+        return dataclasses.replace(made, tunable=True)
 
     def control(self, control: Array, dt: Array, values: Array) -> Array:
         """Adds to the control."""

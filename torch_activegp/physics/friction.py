@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import copy
 from collections.abc import Callable, Sequence
 from typing import Self
 
@@ -26,6 +27,7 @@ _STEEPEST = 4.0
 def sharpen(field: Callable[[str], Array], rows: Index, dof: int) -> None:
     """Makes dry friction stick firmly in some simulations, as :func:`write_sharp` does in a model."""
     field("dof_solref")[rows, dof, 0] = SHARP * field("opt.timestep")[rows]
+    field("dof_solref")[rows, dof, 1] = 1.0
     field("dof_solimp")[rows, dof, :2] = IMPEDANCE
 
 
@@ -33,6 +35,14 @@ def write_sharp(joint: mujoco.MjsJoint, timestep: float) -> None:
     """Writes ``solreffriction`` and ``solimpfriction`` for dry friction that sticks firmly."""
     joint.solref_friction = np.array([SHARP * timestep, 1.0])
     joint.solimp_friction = np.array([*IMPEDANCE, *joint.solimp_friction[2:]])
+
+
+def sticking(model: mujoco.MjModel, step: float) -> mujoco.MjModel:
+    """A copy of a model whose own dry friction sticks firmly, in time steps of some length, s."""
+    firm, rubbing = copy.copy(model), model.dof_frictionloss > 0.0
+    firm.dof_solref[rubbing] = (SHARP * step, 1.0)
+    firm.dof_solimp[rubbing, :2] = IMPEDANCE
+    return firm
 
 
 class DryFriction(JointEffect):

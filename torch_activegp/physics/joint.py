@@ -11,6 +11,8 @@ import numpy as np
 
 from torch_activegp.physics.effect import Array, Effect, Index, Parameter, Place, Step, element
 
+_ON_JOINTS = (int(mujoco.mjtTrn.mjTRN_JOINT), int(mujoco.mjtTrn.mjTRN_JOINTINPARENT))
+
 
 @dataclasses.dataclass(frozen=True, eq=False)
 class JointEffect(Effect):
@@ -87,12 +89,12 @@ class JointEffect(Effect):
 
 
 def drivers(place: Place, model: mujoco.MjModel) -> Index:
-    """The actuators on a joint."""
-    direct = (model.actuator_trntype == mujoco.mjtTrn.mjTRN_JOINT) & (model.actuator_ctrlnum > 0)
+    """The actuators on a joint that have an input."""
+    direct = np.isin(model.actuator_trntype, _ON_JOINTS) & (model.actuator_ctrlnum > 0)
     return np.flatnonzero(direct & (model.actuator_trnid[:, 0] == model.dof_jntid[place.index]))
 
 
 def driven(place: Place, model: mujoco.MjModel) -> bool:
     """Whether an actuator moves a joint: one on it, or one that may move several, by a tendon for instance."""
-    elsewhere = (model.actuator_trntype != mujoco.mjtTrn.mjTRN_JOINT) & (model.actuator_ctrlnum > 0)
+    elsewhere = ~np.isin(model.actuator_trntype, _ON_JOINTS) & (model.actuator_ctrlnum > 0)
     return bool(elsewhere.any() or drivers(place, model).size)
