@@ -99,8 +99,7 @@ class Numerics:
         middle: Runge-Kutta with few steps, where coarse is not close enough; dry friction wants more of them.
         stiff: whether something touches in more than 1 % of the recorded poses, or constraints tie bodies together.
         finest: fine in shorter steps, for sets with effects that are forces held within a step; None for the same.
-        firm: fine in short steps, with dry friction that the model's joints have sticking as firmly as a machine's; None
-            where they have none.
+        firm: fine in short steps, and the dry friction that its joints have sticks firmly; None where they have none.
         late: coarse with its inputs half a step later, which costs as little and is often close where coarse is not;
             None where something touches or nothing drives.
     """
