@@ -59,8 +59,8 @@ def test_a_tuned_nominal_stands_at_an_optimum_of_what_was_tuned(screened) -> Non
     assert at_an_optimum(of_the_tunable(screened.gradient), 1e-3)
     off = of_the_tunable(screened.gradient + screened.normal[:, 2:] @ np.array([0.3, -0.2]))
     gain = off.joint_gain(off.best())
-    assert at_an_optimum(off, 2.1 * gain)
-    assert not at_an_optimum(off, 1.9 * gain)
+    assert at_an_optimum(off, 1.2 * gain)
+    assert not at_an_optimum(off, 1.05 * gain)
 
 
 def test_only_what_pays_stays(screened) -> None:
@@ -102,8 +102,9 @@ def test_a_tuning_gains_less_alone_than_beside_what_it_hides(bench) -> None:
     assert not only_undoes(nominal, fit(790.0), fit(5000.0), best)
     assert only_undoes(nominal, fit(900.0, count=2), fit(300.0), best)
     assert not only_undoes(nominal, fit(850.0, count=2), fit(300.0), best)
-    assert only_undoes(nominal, fit(650.0, count=4), fit(300.0), best)
-    assert not only_undoes(nominal, fit(650.0, count=3), fit(300.0), best)
+    assert only_undoes(nominal, fit(650.0, count=4), fit(300.0), best, needed=True)
+    assert not only_undoes(nominal, fit(650.0, count=3), fit(300.0), best, needed=True)
+    assert not only_undoes(nominal, fit(650.0, count=4), fit(300.0), best)
     assert not only_undoes(nominal, fit(100.0), fit(300.0), best)
     assert only_undoes(nominal, fit(800.0, count=3), fit(300.0), best)
     assert not only_undoes(nominal, fit(100.0, count=3), fit(300.0), best)

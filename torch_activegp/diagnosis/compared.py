@@ -12,6 +12,9 @@ from torch_activegp.diagnosis.score import Score
 from torch_activegp.diagnosis.shooting import Shooting
 from torch_activegp.physics.effect import Effect
 
+_AS_MUCH = 0.01
+"""Part of what the best set explains."""
+
 
 @dataclasses.dataclass
 class Selection:
@@ -51,6 +54,11 @@ class Selection:
         """The best fit of a set, or None where it was not fitted."""
         same = [fit for fit in self.fits if frozenset(fit.effects) == frozenset(effects)]
         return min(same, key=lambda fit: fit.chi2, default=None)
+
+    def needs_more_than(self, names: int) -> bool:
+        """Whether no set of so many effects explains about as much as the best one does."""
+        few = min((fit.chi2 for fit in self.fits if fit.plausible and len(fit.effects) <= names), default=np.inf)
+        return few - self.best.chi2 > _AS_MUCH * (self.nominal.chi2 - self.best.chi2)
 
     def rescale(self, dof: int) -> None:
         """The noise is what the best fit leaves, and never less than the noise model says."""

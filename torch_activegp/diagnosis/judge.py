@@ -183,7 +183,7 @@ def _split(
     if not tunable or not others:
         return list(best.effects), ()
     alone, without = (fitted(shooting, selection, some) for some in (tunable, others))
-    if only_undoes(nominal, alone, without, best):
+    if only_undoes(nominal, alone, without, best, selection.needs_more_than(MAX_EFFECTS)):
         return others, tuple(tunable)
     return list(best.effects), ()
 

@@ -174,7 +174,7 @@ def _only_undoes(selection: Selection, shooting: Shooting) -> bool:
     if not tunable or not others:
         return bool(others)
     alone, without = (fitted(shooting, selection, some) for some in (tunable, others))
-    return only_undoes(selection.nominal, alone, without, best)
+    return only_undoes(selection.nominal, alone, without, best, selection.needs_more_than(MAX_EFFECTS))
 
 
 def _expand(selection: Selection, shooting: Shooting, effects: Sequence[Effect], fit: Fit) -> None:
