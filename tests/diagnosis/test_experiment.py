@@ -1,5 +1,6 @@
 from __future__ import annotations
 
+import dataclasses
 import io
 
 import mujoco
@@ -8,7 +9,7 @@ import pandas as pd
 import pytest
 
 from torch_activegp.diagnosis.engine import Engine
-from torch_activegp.diagnosis.experiment import SECONDS, next_experiment
+from torch_activegp.diagnosis.experiment import SECONDS, _beyond, next_experiment
 
 
 @pytest.fixture(scope="module")
@@ -46,6 +47,16 @@ def test_the_predicted_gain_is_what_the_rivals_differ_by(bench, rivals) -> None:
                 mujoco.mj_step(model, data)
         ends.append(np.array(seen))
     assert entry["predicted_gain"] == pytest.approx((((ends[0] - ends[1]) / bench.noise) ** 2).sum(), rel=0.05)
+
+
+def test_rivals_are_told_apart_by_what_they_do_not_share(bench, rivals) -> None:
+    wet, drag = rivals
+    both = dataclasses.replace(wet, effects=(*wet.effects, *drag.effects), values=(*wet.values, *drag.values))
+    other = dataclasses.replace(bench.effect("viscous_friction"), target="joint:knee")
+    elsewhere = dataclasses.replace(wet, effects=(other,))
+    assert (_beyond(both, wet), _beyond(wet, both)) == ("quadratic_drag", "the rest alone")
+    assert _beyond(bench.nominal, wet) == "no effect"
+    assert _beyond(wet, elsewhere) == "viscous_friction at joint:hip"
 
 
 def test_of_several_trials_the_one_that_separates_most_is_taken(bench, rivals, monkeypatch) -> None:

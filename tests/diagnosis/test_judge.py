@@ -91,6 +91,16 @@ def test_as_many_names_as_are_tried_must_explain_nearly_all(bench, monkeypatch) 
     assert judge(bench.shooting, selection(bench, half)).verdict == "named"
 
 
+@pytest.mark.parametrize(("damping", "verdict"), [(0.045, "unknown"), (0.03, "none")])
+def test_many_names_that_explain_little_of_a_small_mismatch_are_nothing(bench, monkeypatch, damping, verdict) -> None:
+    effect = bench.effect("viscous_friction")
+    some = bench.shooting.fit([((effect,), (np.array([damping]),))], bench.nominal.starts, hold=True)[0]
+    monkeypatch.setattr("torch_activegp.diagnosis.judge.MAX_EFFECTS", 1)
+    monkeypatch.setattr("torch_activegp.diagnosis.judge.VISIBLE", 1e3)
+    judged = judge(bench.shooting, selection(bench, some))
+    assert (judged.verdict, judged.unexplained > 0.15) == (verdict, verdict == "none")
+
+
 @pytest.mark.parametrize(("visible", "verdict"), [(1e-3, "unknown"), (1e3, "named")])
 def test_less_may_be_left_where_it_is_large_against_the_noise(bench, monkeypatch, visible, verdict) -> None:
     effect = bench.effect("viscous_friction")

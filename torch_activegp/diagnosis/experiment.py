@@ -71,18 +71,25 @@ def next_experiment(
     gain = float(_apart(engine, segments.pick(np.array([best])), states[:, [best]], both, noise)[0])
     if gain < _LEAST:
         return None
-    names = [sorted({name for name, _ in fit.keys}) or ["no effect"] for fit in rivals[:2]]
-    words = [" + ".join(n) for n in names]
+    words = [_beyond(rivals[0], rivals[1]), _beyond(rivals[1], rivals[0])]
     entry = {
         "separates": words,
         "why": (
             f"{words[0]} and {words[1]} predict positions that differ by chi2 = {gain:.3g} under these controls "
-            f"({SECONDS:g} s, within the limits seen); start where {runs[0].label} started."
+            f"({SECONDS:g} s, within the limits seen of controls, not of positions: simulate them first); "
+            f"start where {runs[0].label} started."
         ),
         "controls": "next.csv",
         "predicted_gain": gain,
     }
     return entry, _csv(engine, time, trials[best])
+
+
+def _beyond(fit: Fit, other: Fit) -> str:
+    """What a set has beyond another one, in names, with places where the other one has the name elsewhere."""
+    there = {name for name, _ in other.keys - fit.keys}
+    words = [f"{name} at {target}" if name in there else name for name, target in sorted(fit.keys - other.keys)]
+    return " + ".join(words) or ("the rest alone" if fit.effects else "no effect")
 
 
 def _apart(engine: Engine, segments: Segments, starts: Array, both: list[Candidate], noise: NoiseModel) -> Array:

@@ -143,7 +143,8 @@ def judge(shooting: Shooting, selection: Selection) -> Judgement:
     seen = SEEN if len(order) < MANY else SEEN_BEHIND_MANY
     most = seen if _visible(shooting, after) else INADEQUATE
     if after.p_value < DOUBT and (unexplained > most or crowded):
-        verdict = "unknown" if crowded or _visible(shooting, before) else "none"
+        sure = (crowded and unexplained <= INADEQUATE) or _visible(shooting, before)
+        verdict = "unknown" if sure else "none"
     else:
         verdict = "tie" if any(ties) else "named"
     return Judgement(
