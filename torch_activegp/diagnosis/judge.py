@@ -13,13 +13,12 @@ from torch_activegp.diagnosis.elimination import eliminate
 from torch_activegp.diagnosis.fit import Fit
 from torch_activegp.diagnosis.proposals import TWO_SIDED
 from torch_activegp.diagnosis.reference import free_force_columns
+from torch_activegp.diagnosis.score import TIE
 from torch_activegp.diagnosis.selection import MAX_EFFECTS
 from torch_activegp.diagnosis.shooting import Shooting
 from torch_activegp.diagnosis.tuning import only_undoes
 from torch_activegp.physics.effect import Effect
 
-TIE = 6.0
-"""Sets whose scores differ by less (odds of 20 to 1) are not told apart."""
 LEAST_SHARE = 0.002
 """What explains less of the mismatch stays in the correction and is not named, unless it is much of what is left."""
 INADEQUATE = 0.15
@@ -29,9 +28,9 @@ SEEN = 0.08
 MANY, SEEN_BEHIND_MANY = 3, 0.03
 """The same behind so many names: together they imitate much that is not on the list. Right ones left up to 0.01."""
 CROWDED = 0.04
-"""The same where as many names as are tried leave it,"""
+"""The same where as many names as are tried leave it."""
 OVERCROWDED = 0.001
-"""and where there are more: a nominal that was tuned badly is several names, which leave next to nothing."""
+"""The same where there are more names: those of a nominal that was tuned badly leave next to nothing."""
 ALIKE = 0.002
 """Two names that say the same as one leave no more by this part, what fits are short of; less is no objection."""
 SURE = 1e-5

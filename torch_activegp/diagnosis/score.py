@@ -15,10 +15,12 @@ MATERIAL = 0.006
 OF_THE_REST = 1 / 3
 """The same part of what is left, where that is not noise."""
 _INADEQUATE = 4.0
-_FIRST, _FIRST_UNSURE = 6.0, 20.0
-"""What any effect at all must gain beyond its price: odds of 20 to 1 against none, as between ties; and more where what
-is left is much more than the noise, for then it is coloured too, behind a filter without phase for instance, and a
-single gain seems larger than it is."""
+TIE = 6.0
+"""Sets whose scores differ by less (odds of 20 to 1) are not told apart; any effect at all must gain so much beyond its
+price, or there is none."""
+_UNSURE = 20.0
+"""The same for any effect at all where what is left is much more than the noise: it is coloured too then, behind a
+filter without phase for instance, and a single gain seems larger than it is."""
 _LENIENT = 0.3
 
 
@@ -45,7 +47,7 @@ class Score:
 
     def __call__(self, fit: Fit) -> float:
         """Extended BIC; smaller is better."""
-        first = (_FIRST_UNSURE if self.inadequate else _FIRST) if fit.effects else 0.0
+        first = (_UNSURE if self.inadequate else TIE) if fit.effects else 0.0
         return fit.chi2 / self.scale + self.price(fit.effects) + first
 
     @property

@@ -75,16 +75,26 @@ class Screen:
 
     def losses(self, atoms: Sequence[Atom]) -> list[float]:
         """What the others lose without each of several atoms (Wald statistics)."""
-        index = np.concatenate([np.arange(a.columns.start, a.columns.stop) for a in atoms])
+        index = _columns_of(atoms)
         inverse = invert(self.normal[np.ix_(index, index)])
         amplitude = inverse @ self.gradient[index]
         ends = np.cumsum([a.columns.stop - a.columns.start for a in atoms])
         parts = [slice(end - (a.columns.stop - a.columns.start), end) for a, end in zip(atoms, ends, strict=True)]
         return [wald(amplitude[part], inverse[part, part]) for part in parts]
 
+    def independent(self, atoms: Iterable[Atom]) -> list[Atom]:
+        """Those of some atoms that no earlier ones make up: a drive's bias makes up a constant force on its joint."""
+        kept: list[Atom] = []
+        for atom in atoms:
+            index = _columns_of([*kept, atom])
+            matrix, _ = _scaled(self.normal[np.ix_(index, index)])
+            if np.linalg.eigvalsh(matrix)[0] > _SAME:
+                kept.append(atom)
+        return kept
+
     def together(self, atoms: Sequence[Atom]) -> tuple[float, list[Array]]:
         """What several atoms gain together, and the parameters with which they do."""
-        index = np.concatenate([np.arange(a.columns.start, a.columns.stop) for a in atoms])
+        index = _columns_of(atoms)
         gain, amplitude = _gain(self.normal[np.ix_(index, index)], self.gradient[index])
         parts = np.split(amplitude, np.cumsum([a.columns.stop - a.columns.start for a in atoms])[:-1])
         return gain, [_with_amplitude(atom.effect, atom.seed, part) for atom, part in zip(atoms, parts, strict=True)]
@@ -200,10 +210,20 @@ def _without(count: int, normal: Array, gradient: Array) -> tuple[Array, Array]:
 
 def _gain(normal: Array, gradient: Array) -> tuple[float, Array]:
     """Decrease of chi2 by some columns and their amplitudes; directions that nothing can see give none."""
-    scale = np.sqrt(np.maximum(np.diag(normal), 1e-300))
-    matrix = normal / np.outer(scale, scale)
+    matrix, scale = _scaled(normal)
     value, vector = np.linalg.eigh(matrix)
     seen = value > _SAME
     projected = vector.T @ (gradient / scale)
     weights = np.where(seen, projected / np.where(seen, value, 1.0), 0.0)
     return float(projected @ weights), (vector @ weights) / scale
+
+
+def _scaled(normal: Array) -> tuple[Array, Array]:
+    """A normal matrix with ones on its diagonal, and what its columns were divided by."""
+    scale = np.sqrt(np.maximum(np.diag(normal), 1e-300))
+    return normal / np.outer(scale, scale), scale
+
+
+def _columns_of(atoms: Sequence[Atom]) -> NDArray[np.int64]:
+    """Where the columns of some atoms stand in the normal matrix."""
+    return np.concatenate([np.arange(atom.columns.start, atom.columns.stop) for atom in atoms])

@@ -4,8 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-import numpy as np
-
 from torch_activegp.diagnosis.fit import Fit
 from torch_activegp.diagnosis.proposals import Set, diverse, join, with_values
 from torch_activegp.diagnosis.screening import Atom, Screen
@@ -26,7 +24,6 @@ few do, such as a payload, it is they that are missing: many corrections do the 
 _CERTAIN = 1.1
 """The same where a damping comes out below zero, on its joint: the nominal has more than there is, and that was put
 there by a modeller."""
-_COLLINEAR = 1e-6
 _OPTIMUM = 0.9
 """All that is tunable together gains less than this part of what the best set explains, behind a tuning."""
 _LIKELY = (0.4, 0.6, 0.85)
@@ -106,7 +103,7 @@ def paying(screened: Screen, held: Sequence[Atom], tunable: Sequence[Atom], pric
 
     Backward elimination: the one with the least Wald statistic goes first.
     """
-    near = _independent(screened, tunable)
+    near = screened.independent(tunable)
     while near:
         losses = screened.losses([*held, *near])[len(held) :]
         least = min(range(len(near)), key=losses.__getitem__)
@@ -114,18 +111,6 @@ def paying(screened: Screen, held: Sequence[Atom], tunable: Sequence[Atom], pric
             break
         del near[least]
     return near
-
-
-def _independent(screened: Screen, atoms: Sequence[Atom]) -> list[Atom]:
-    """Those of some effects that no earlier ones make together: a drive's bias and a constant force on its joint do."""
-    kept: list[Atom] = []
-    for atom in atoms:
-        index = np.concatenate([np.arange(a.columns.start, a.columns.stop) for a in (*kept, atom)])
-        normal = screened.normal[np.ix_(index, index)]
-        size = np.sqrt(np.maximum(np.diag(normal), 1e-300))
-        if np.linalg.eigvalsh(normal / np.outer(size, size))[0] > _COLLINEAR:
-            kept.append(atom)
-    return kept
 
 
 def only_undoes(nominal: Fit, alone: Fit, without: Fit, best: Fit, needed: bool = False) -> bool:
