@@ -5,7 +5,7 @@ import dataclasses
 import numpy as np
 import pytest
 
-from torch_activegp.diagnosis.compared import Selection, fitted, without_each
+from torch_activegp.diagnosis.compared import Selection, compare, fitted, without_each
 from torch_activegp.diagnosis.score import Score
 
 
@@ -80,3 +80,43 @@ def test_few_names_may_explain_as_much_as_many(bench, found) -> None:
     found.fits[1] = dataclasses.replace(wet, chi2=many.chi2 + 0.005 * gain)
     assert not found.needs_more_than(2)
     assert not Selection(bench.nominal, [bench.nominal], found.score).needs_more_than(2)
+
+
+def test_what_got_stuck_is_fitted_once_more_from_what_it_contains(bench, found, monkeypatch) -> None:
+    """Friction that sticks, far from its level, ends anywhere; no set hides behind the smaller one that it holds."""
+    wet, spring = bench.effect("viscous_friction"), bench.effect("cubic_spring")
+    start = ((wet, spring), (np.array([0.05]), np.array([0.0])))
+    sound = bench.shooting.fit([start], bench.nominal.starts)[0]
+    stuck = dataclasses.replace(sound, values=(np.array([3.0]), np.array([2.0])), chi2=2.0 * bench.nominal.chi2)
+    found.add([bench.fit("viscous_friction", 0.05)])
+    true, asked = type(bench.shooting).fit, []
+
+    def fit(self, sets, *args, **kwargs):
+        asked.append(list(sets))
+        return [stuck] if len(asked) == 1 else true(self, sets, *args, **kwargs)
+
+    monkeypatch.setattr(type(bench.shooting), "fit", fit)
+    compare(bench.shooting, found, [(stuck.effects, stuck.values)], found.best)
+    assert found.of(stuck.effects).chi2 == pytest.approx(sound.chi2, abs=0.5)
+    [[(_, (drag, stiffness))]] = asked[1:]
+    assert (drag[0], stiffness[0]) == (pytest.approx(found.best.values[0][0], rel=0.05), 0.0)
+
+
+def test_what_is_far_from_the_best_is_not_fitted_once_more(bench, found, monkeypatch) -> None:
+    wet, spring = bench.effect("viscous_friction"), bench.effect("cubic_spring")
+    fit = bench.fit("viscous_friction", 0.05)
+    found.add([fit, dataclasses.replace(bench.nominal, effects=(spring,), values=(np.zeros(1),))])
+    stuck = dataclasses.replace(fit, effects=(spring, wet), values=(np.zeros(1), np.ones(1)), chi2=np.inf)
+    asked = []
+
+    def once(self, sets, *args, **kwargs):
+        asked.append(sets)
+        return [stuck]
+
+    monkeypatch.setattr(type(bench.shooting), "fit", once)
+    found.fits[1] = dataclasses.replace(fit, chi2=bench.nominal.chi2 - 1.0)
+    found.fits.append(dataclasses.replace(fit, effects=(bench.effect("constant_force"),)))
+    compare(bench.shooting, found, [(stuck.effects, stuck.values)], fit)
+    assert len(asked) == 1
+    assert found.within(stuck) is found.fits[1]
+    assert found.within(fit) is None

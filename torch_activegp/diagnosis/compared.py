@@ -7,13 +7,16 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from torch_activegp.diagnosis.fit import Fit
+from torch_activegp.diagnosis.fit import Fit, inside
+from torch_activegp.diagnosis.runs import Array
 from torch_activegp.diagnosis.score import Score
-from torch_activegp.diagnosis.shooting import Shooting
+from torch_activegp.diagnosis.shooting import ROUNDS, Shooting
 from torch_activegp.physics.effect import Effect
 
 _AS_MUCH = 0.01
 """Part of what the best set explains."""
+_STUCK = 1.0
+"""Chi2 by which a fit may end above that of a set that it contains."""
 
 
 @dataclasses.dataclass
@@ -55,6 +58,13 @@ class Selection:
         same = [fit for fit in self.fits if frozenset(fit.effects) == frozenset(effects)]
         return min(same, key=lambda fit: fit.chi2, default=None)
 
+    def within(self, fit: Fit) -> Fit | None:
+        """The best fit of a smaller set, where that fits better; then the larger one got stuck, or was given up."""
+        effects = set(fit.effects)
+        smaller = [other for other in (self.nominal, *self.fits) if set(other.effects) < effects]
+        best = min(smaller, key=lambda other: other.chi2, default=None)
+        return best if best is not None and not fit.chi2 <= best.chi2 + _STUCK else None
+
     def needs_more_than(self, names: int) -> bool:
         """Whether no set of so many effects explains about as much as the best one does."""
         few = min((fit.chi2 for fit in self.fits if fit.plausible and len(fit.effects) <= names), default=np.inf)
@@ -68,21 +78,70 @@ class Selection:
         self.score = dataclasses.replace(self.score, scale=scale, mismatch=mismatch)
 
 
+def compare(
+    shooting: Shooting,
+    selection: Selection,
+    sets: Sequence[tuple[Sequence[Effect], Sequence[Array]]],
+    near: Fit,
+    race: bool = False,
+    rounds: int = ROUNDS,
+    below: Fit | None = None,
+) -> None:
+    """Fits some sets from the states of a fit near by, and takes them in.
+
+    What ends worse than a set that it contains and that might be the best is fitted once more from there: fits of
+    friction that sticks depend on where they begin.
+
+    Args:
+        shooting: the likelihood.
+        selection: takes them in.
+        sets: effects and first guesses.
+        near: a fit near by.
+        race: give up on those that stay far behind.
+        rounds: simulations at most, one after the other.
+        below: a fit of what the sets have in common, if they have.
+    """
+    if sets:
+        fits = shooting.fit(sets, near.starts, rounds, race, design=near.design, below=below)
+        selection.add(fits)
+        far = selection.score(selection.best) + selection.score.slack
+        selection.add([better for fit in fits if (better := _from_within(shooting, selection, fit, far)) is not None])
+    selection.rescale(shooting.dof)
+
+
+def _from_within(shooting: Shooting, selection: Selection, fit: Fit, far: float = np.inf) -> Fit | None:
+    """A fit once more from the best one that it contains, where it ended worse; None where it did not.
+
+    Args:
+        shooting: the likelihood.
+        selection: what was compared.
+        fit: to look at.
+        far: the score from which on what it contains is not worth the time.
+    """
+    smaller = selection.within(fit)
+    if smaller is None or selection.score(smaller) > far:
+        return None
+    begin = inside(fit.effects, fit.values, smaller)
+    if begin is None:
+        return None
+    _, flat, starts, design = begin
+    edges = np.cumsum([len(values) for values in fit.values])[:-1]
+    return shooting.fit([(fit.effects, tuple(np.split(flat, edges)))], starts, design=design)[0]
+
+
 def fitted(shooting: Shooting, selection: Selection, effects: Sequence[Effect], whole: Fit | None = None) -> Fit:
     """The fit of a part of a set, the best one unless said, which may have been compared already.
 
-    A set contains the nominal. One that fits worse was given up in a race, or got stuck, and is fitted from there.
+    One that fits worse than what it contains was given up in a race, or got stuck, and is fitted from there.
     """
-    best, nominal = whole or selection.best, selection.nominal
+    best = whole or selection.best
     fit = selection.of(effects)
     values = dict(zip(best.effects, best.values, strict=True))
     if fit is None:
         start = (tuple(effects), tuple(values[effect] for effect in effects))
         fit = shooting.fit([start], best.starts, design=best.design)[0]
-    if fit.chi2 > nominal.chi2 and all(effect.linear or effect.tunable for effect in effects):
-        absent = (tuple(effects), tuple(effect.absent(values[effect]) for effect in effects))
-        fit = min(fit, *shooting.fit([absent], nominal.starts, design=nominal.design), key=lambda fit: fit.chi2)
-    return fit
+    again = _from_within(shooting, selection, fit)
+    return fit if again is None else min(fit, again, key=lambda fit: fit.chi2)
 
 
 def without_each(selection: Selection, shooting: Shooting) -> list[tuple[Effect, Fit]]:
@@ -98,7 +157,7 @@ def without_each(selection: Selection, shooting: Shooting) -> list[tuple[Effect,
     smaller = []
     for effect, rest in rests.items():
         fit = selection.of(rest)
-        if fit is None or fit.chi2 > selection.nominal.chi2:
+        if fit is None or selection.within(fit) is not None:
             sound = selection.add([fitted(shooting, selection, rest, best)])
             fit = sound[0] if sound else None
         if fit is not None:

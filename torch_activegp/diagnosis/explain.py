@@ -10,7 +10,7 @@ import numpy as np
 from torch_activegp.diagnosis.blackbox_engine import GivenNumerics
 from torch_activegp.diagnosis.chaining import chained
 from torch_activegp.diagnosis.checkpoint import Checkpoint
-from torch_activegp.diagnosis.compared import Selection
+from torch_activegp.diagnosis.compared import Selection, compare
 from torch_activegp.diagnosis.engine import Engine
 from torch_activegp.diagnosis.fit import Fit
 from torch_activegp.diagnosis.machine import Machine
@@ -223,9 +223,7 @@ def _polish(shooting: Shooting, selection: Selection, effects: Sequence[Effect])
         near = [fit for fit in selection.ranked()[:_NEAR] if fit is not best and selection.score(fit) < reach]
         sets = [some for fit in near for some in _starts_of(fit, best)]
         sets += [] if number else late_elsewhere(best, effects)
-        if sets:
-            selection.add(shooting.fit(sets, best.starts, design=best.design))
-        selection.rescale(shooting.dof)
+        compare(shooting, selection, sets, best)
         if gained <= _SETTLED and selection.score(selection.best) > selection.score(best) - _SETTLED:
             break
 

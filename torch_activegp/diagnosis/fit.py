@@ -77,12 +77,12 @@ def inside(
 
     Returns:
         Chi2, parameters in a row ``(P,)``, initial states ``(S, nq + nv)``, and derivatives by them; None where the set
-        does not hold the fit's effects, or others than linear ones beside them.
+        does not hold the fit's effects, or others beside them than linear and tunable ones, which do nothing at zero.
     """
     if below is None or not set(below.effects) < set(effects):
         return None
     known = dict(zip(below.effects, below.values, strict=True))
-    if not all(effect in known or effect.linear for effect in effects):
+    if not all(effect in known or effect.linear or effect.tunable for effect in effects):
         return None
     flat = [known.get(effect, effect.absent(value)) for effect, value in zip(effects, values, strict=True)]
     return below.chi2, np.concatenate(flat), below.starts, below.design

@@ -9,7 +9,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from torch_activegp.diagnosis.compared import Selection, fitted
+from torch_activegp.diagnosis.compared import Selection, compare, fitted
 from torch_activegp.diagnosis.fit import Fit
 from torch_activegp.diagnosis.heats import CLOSE, heat
 from torch_activegp.diagnosis.proposals import (
@@ -186,9 +186,7 @@ def _expand(selection: Selection, shooting: Shooting, effects: Sequence[Effect],
         proposed += undone(fit, screened, selection.score.a_parameter * selection.score.scale)
     known = {frozenset(f.effects) for f in selection.fits}
     fresh = heat(shooting, [p for p in proposed if frozenset(p[0]) not in known], fit, selection.score)
-    if fresh:
-        selection.add(shooting.fit(fresh, fit.starts, race=True, design=fit.design, below=fit))
-        selection.rescale(shooting.dof)
+    compare(shooting, selection, fresh, fit, race=True, below=fit)
 
 
 def _hopeless(selection: Selection, shooting: Shooting, least: int) -> bool:
@@ -236,5 +234,4 @@ def _simplify(selection: Selection, shooting: Shooting, effects: Sequence[Effect
     fewer = without_weak(best, lambda effect: score.scale * score.price([effect]))
     sets += [fewer] if fewer and frozenset(fewer[0]) not in known else []
     sets = heat(shooting, sets, best, score)
-    if sets:
-        selection.add(shooting.fit(sets, best.starts, rounds=_ROUNDS, design=best.design))
+    compare(shooting, selection, sets, best, rounds=_ROUNDS)

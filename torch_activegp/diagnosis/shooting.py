@@ -16,6 +16,9 @@ from torch_activegp.diagnosis.runs import Array
 from torch_activegp.diagnosis.segments import Segments
 from torch_activegp.physics.effect import Effect
 
+ROUNDS = 20
+"""Simulations of a fit at most, one after the other."""
+
 
 @dataclasses.dataclass(frozen=True)
 class Shooting:
@@ -124,7 +127,7 @@ class Shooting:
         self,
         sets: Sequence[tuple[Sequence[Effect], Sequence[Array]]],
         starts: Array,
-        rounds: int = 20,
+        rounds: int = ROUNDS,
         race: bool = False,
         hold: bool = False,
         design: Array | None = None,

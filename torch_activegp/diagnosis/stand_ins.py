@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from torch_activegp.diagnosis.compared import Selection, fitted, without_each
+from torch_activegp.diagnosis.compared import Selection, compare, fitted, without_each
 from torch_activegp.diagnosis.heats import CLOSE, PART, near
 from torch_activegp.diagnosis.proposals import Set, diverse, join, late_elsewhere, softened
 from torch_activegp.diagnosis.screening import allowed, screen
@@ -42,9 +42,7 @@ def swap(selection: Selection, shooting: Shooting, effects: Sequence[Effect]) ->
     sets = list(fresh.values())
     if sets and part.segments.size < shooting.segments.size:
         sets = near(part, sets, best.pick(which), [CLOSE * selection.score.scale] * len(sets))
-    if sets:
-        selection.add(shooting.fit(sets, best.starts, race=True, design=best.design))
-    selection.rescale(shooting.dof)
+    compare(shooting, selection, sets, best, race=True)
 
 
 def _same_or_more(effect: Effect, than: Effect) -> bool:
@@ -63,9 +61,8 @@ def soften(selection: Selection, shooting: Shooting, effects: Sequence[Effect]) 
         atoms = screen(shooting, fit, allowed(firm, fit)).best()
         sets = softened([join(fit, [atom]) for atom in atoms if atom.gain > _PROMISING * fit.chi2], effects)
         if fresh := [some for some in sets if selection.of(some[0]) is None]:
-            selection.add(shooting.fit(fresh, fit.starts, design=fit.design))
+            compare(shooting, selection, fresh, fit)
             tried = True
-    selection.rescale(shooting.dof)
     return tried
 
 
@@ -88,6 +85,4 @@ def try_tuned(selection: Selection, shooting: Shooting, effects: Sequence[Effect
         selection.add([fit] if selection.of(rest) is None else [])
         sets += undone(fit, screen(shooting, fit, allowed(tunable, fit)), score.a_parameter * score.scale)
     fresh = [some for some in sets if selection.of(some[0]) is None]
-    if fresh:
-        selection.add(shooting.fit(fresh, best.starts, race=True, design=best.design))
-        selection.rescale(shooting.dof)
+    compare(shooting, selection, fresh, best, race=True)
