@@ -52,3 +52,13 @@ def test_ties_of_several_effects_are_told_apart() -> None:
 def test_an_error_that_grows_is_not_said_to_fall() -> None:
     worse = {"fit": {"holdout": {"free_run": {"before": 0.1, "after": 0.2, "noise": 0.009}}}, "location": []}
     assert "rises from 0.1 to 0.2" in sentence("named", [named("a", 0.9)], worse)
+
+
+@pytest.mark.parametrize(
+    ("chi2", "white", "warned"), [(146.0, False, True), (12.3, False, True), (12.3, True, False), (1.1, False, False)]
+)
+def test_names_that_leave_much_more_than_noise_are_not_all(chi2, white, warned) -> None:
+    details = {**ERROR, "rivals": [{"chi2_per_dof": chi2}], "unexplained": {"share": 0.05, "white": white}}
+    text = sentence("named", [named("a", 0.95)], details)
+    assert text.endswith("(chi2 per dof).") == warned
+    assert (f"; that is not all, for what is left is still {chi2:.2g} times the noise" in text) == warned

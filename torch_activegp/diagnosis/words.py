@@ -7,6 +7,9 @@ from typing import Any
 
 from torch_activegp.diagnosis.result import NamedEffect
 
+_MUCH_LEFT = 3.0
+"""Chi2 per degree of freedom from which on the names are said not to be all."""
+
 
 def sentence(verdict: str, effects: Sequence[NamedEffect], details: Mapping[str, Any]) -> str:
     """One sentence that says what was found.
@@ -32,7 +35,15 @@ def sentence(verdict: str, effects: Sequence[NamedEffect], details: Mapping[str,
     if verdict == "tie":
         tied = [effect for effect in effects if effect.ties]
         text = f"{text}; the recordings cannot tell {_joined([_tied(effect, len(effects) > 1) for effect in tied])}"
-    return f"{text}."
+    return f"{text}{_rest(details)}."
+
+
+def _rest(details: Mapping[str, Any]) -> str:
+    """A warning where the names leave much more than noise."""
+    best = next(iter(details.get("rivals", ())), None)
+    if best is None or best["chi2_per_dof"] < _MUCH_LEFT or details["unexplained"]["white"]:
+        return ""
+    return f"; that is not all, for what is left is still {best['chi2_per_dof']:.2g} times the noise (chi2 per dof)"
 
 
 def _tied(effect: NamedEffect, several: bool) -> str:
