@@ -6,8 +6,7 @@ import numpy as np
 import pytest
 
 from torch_activegp.diagnosis.engine import NOMINAL, Candidate
-from torch_activegp.diagnosis.forecast import STEP, compare, free_run, one_step
-from torch_activegp.diagnosis.segments import cut
+from torch_activegp.diagnosis.forecast import SEEN, STEP, compare, free_run, one_step
 
 
 @pytest.fixture(scope="module")
@@ -16,32 +15,48 @@ def truth(bench) -> Candidate:
 
 
 def test_the_true_model_is_wrong_by_the_noise_alone(bench, truth) -> None:
-    run = bench.machine.holdout[0]
-    assert one_step(bench.engine, truth, run).std() < 4 * bench.noise
-    ((positions, start),) = free_run(bench.engine, [truth], [run], bench.shooting.noise)[0]
+    run, noise = bench.machine.holdout[0], bench.shooting.noise
+    nominal, right = (errors for (errors,) in one_step(bench.engine, [NOMINAL, truth], [run], noise))
+    assert right.std() == pytest.approx(bench.noise, rel=0.35)
+    assert nominal.std() > 3 * bench.noise
+    ((positions, start),) = free_run(bench.engine, [truth], [run], noise)[0]
     assert positions.shape == run.position.shape
     assert (positions - run.position).std() == pytest.approx(bench.noise, rel=0.2)
     assert start[0] == pytest.approx(run.smooth[0, 0], abs=5 * bench.noise)
 
 
 def test_one_step_goes_as_far_as_it_says(bench, make_plain_run) -> None:
-    """Against a pendulum at rest, a recording that moves away shows the distance of one step as its error."""
+    """What stands still while it is seen, and is gone one step later, shows how far it went as the error."""
+    rest = np.zeros(201)
+    rest[51:] = 0.5
+    errors = one_step(bench.engine, [NOMINAL], [make_plain_run(rest)], bench.shooting.noise)[0][0][:, 0]
+    assert len(errors) == 1 + (200 - 60) // 25
+    np.testing.assert_allclose(errors[0], 0.5, atol=1e-6)
+    assert np.abs(errors[4:]).max() > 0.01  # a pendulum does not stay at half a radian
+
+
+def test_what_comes_after_is_not_seen(bench, truth) -> None:
+    run, noise = bench.machine.holdout[0], bench.shooting.noise
+    ahead = round((SEEN + STEP + 0.1) / run.dt[0])
+    moved = run.position.copy()
+    moved[ahead] += 1.0
+    one, other = (
+        one_step(bench.engine, [truth], [some], noise)[0][0] for some in (run, dataclasses.replace(run, position=moved))
+    )
+    assert other[0] - one[0] == pytest.approx(1.0, abs=1e-9)
+
+
+def test_a_run_too_short_to_see_much_of_is_forecast_from_what_there_is(bench, truth) -> None:
     run = bench.machine.holdout[0]
-    moving = make_plain_run(0.5 * np.arange(201) / 100)
-    rest = dataclasses.replace(moving, velocity=np.zeros((201, 1)), smooth=np.zeros((201, 1)))
-    errors = one_step(bench.engine, NOMINAL, rest)
-    starts = np.arange(0, 200, round(STEP * 100)) * 0.5 / 100
-    np.testing.assert_allclose(errors[:, 0], starts + 0.5 * STEP, atol=1e-9)
-    assert len(one_step(bench.engine, NOMINAL, run)) == 20
-
-
-def test_a_last_step_that_is_shorter_ends_with_the_run(bench, make_plain_run) -> None:
-    run = make_plain_run(np.zeros(205))
-    whole = cut([run], 1e9, 0.0)
-    states = bench.engine.trajectories(whole, np.array([[1.0, 0.0]]), NOMINAL)[0]
-    own = dataclasses.replace(run, position=states[:, :1], smooth=states[:, :1], velocity=states[:, 1:])
-    assert len(set(cut([own], STEP, 0.0).counts.sum(axis=1))) > 1
-    np.testing.assert_allclose(one_step(bench.engine, NOMINAL, own), 0.0, atol=1e-9)
+    short = dataclasses.replace(
+        run,
+        **{name: getattr(run, name)[:16] for name in ("time", "position", "smooth", "velocity", "recorded")},
+        **{name: getattr(run, name)[:15] for name in ("control", "force")},
+    )
+    errors = one_step(bench.engine, [truth], [short], bench.shooting.noise)[0][0]
+    assert errors.shape == (1, 1)
+    gone = dataclasses.replace(short, recorded=np.arange(16) < 10)
+    assert one_step(bench.engine, [truth], [gone], bench.shooting.noise)[0][0].shape == (1, 1)
 
 
 def test_compare_gives_errors_in_units_of_the_motion_and_the_traces_behind_them(bench, truth) -> None:
@@ -79,7 +94,7 @@ def test_one_step_begins_where_the_machine_was_and_not_where_a_wrong_sensor_saw_
     }[name][:, None]
     seen = dataclasses.replace(run, position=read, smooth=read, velocity=np.gradient(read, run.time, axis=0))
     behind = Candidate((*truth.effects, effect), (*truth.values, values))
-    errors = one_step(bench.engine, behind, seen)[1:-1]
-    unaware = one_step(bench.engine, truth, seen)[1:-1]
-    assert np.abs(errors).max() < 30 * bench.noise
+    both = one_step(bench.engine, [truth, behind], [seen], bench.shooting.noise)
+    unaware, errors = (some[0][1:-1] for some in both)
+    assert np.abs(errors).max() < 10 * bench.noise
     assert (unaware**2).mean() > 4 * (errors**2).mean()

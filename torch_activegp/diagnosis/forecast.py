@@ -1,50 +1,70 @@
-"""How well models predict runs: one step ahead, and run freely from a fitted initial state."""
+"""How well models predict runs: one step ahead of what they have seen, and freely from a fitted initial state."""
 
 from __future__ import annotations
 
 import dataclasses
+import math
 from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from torch_activegp.diagnosis.engine import Candidate, Engine
 from torch_activegp.diagnosis.noise_model import NoiseModel
 from torch_activegp.diagnosis.runs import Array, Run
-from torch_activegp.diagnosis.segments import cut
+from torch_activegp.diagnosis.segments import Segments, cut, lay
 from torch_activegp.diagnosis.shooting import Shooting
-from torch_activegp.physics.sensing import SensorEffect
 
 STEP = 0.1
 """One step ahead means at least this long, s: in one sample a machine hardly moves by more than the noise."""
+SEEN = 0.4
+"""Each model has its state from what was recorded so long before, s. States smoothed without a model are too rough to
+step from: their velocities make errors several times the noise, behind which no correction shows."""
+_SEEN_ROWS = 6
+_EVERY = 0.25
+_PAD = 0.1
 _FIRST = 1.0
 _ROUNDS = 5
 
 
-def one_step(engine: Engine, candidate: Candidate, run: Run) -> Array:
-    """Errors one step ahead, from states smoothed without a model, ``(N, C)``, rad or m.
+def one_step(
+    engine: Engine, candidates: Sequence[Candidate], runs: Sequence[Run], noise: NoiseModel
+) -> list[list[Array]]:
+    """Errors one step after what each model was shown, its initial state fitted to that.
 
-    The states are where the machine was behind what its sensors read.
+    Returns:
+        For each candidate and each run, ``(N, C)``, rad or m; N steps, one every quarter of a second.
     """
-    step = float(np.median(run.dt))
-    segments = cut([run], max(STEP, step), 0.0)
-    starts = engine.starts(dataclasses.replace(segments, runs=(_actual(run, candidate),)))
-    predicted, _ = engine.predict(segments, starts[None], [candidate])
-    last = np.array([np.flatnonzero(row)[-1] if row.any() else 0 for row in segments.counts])
-    index = np.arange(segments.size)
-    reached = np.minimum(last + 1, np.minimum(segments.intervals, len(run) - 1 - segments.first))
-    errors = segments.position[index, reached] - predicted[0, index, reached]
-    return np.asarray(errors[segments.counts.any(axis=1)])
+    windows, ends = _windows(runs)
+    each = np.arange(windows.size)
+    before = np.arange(windows.intervals + 1) <= ends[:, :1]
+    seen = dataclasses.replace(windows, counts=windows.counts & before)
+    sets = [(candidate.effects, candidate.values) for candidate in candidates]
+    fits = Shooting(engine, seen, noise).fit(sets, engine.starts(windows), _ROUNDS, hold=True)
+    predicted, _ = engine.predict(windows, np.stack([fit.starts for fit in fits]), candidates)
+    errors = windows.position[each, ends[:, 1]] - predicted[:, each, ends[:, 1]]
+    rows = windows.first + ends[:, 1]
+    own = [windows.run == number for number in range(len(runs))]
+    there = [which & run.recorded[np.minimum(rows, len(run) - 1)] for which, run in zip(own, runs, strict=True)]
+    chosen = [known if known.any() else which for known, which in zip(there, own, strict=True)]
+    return [[some[which] for which in chosen] for some in errors]
 
 
-def _actual(run: Run, candidate: Candidate) -> Run:
-    """A run whose smoothed motion is the machine's, behind the candidate's effects on sensors."""
-    smooth, velocity = run.smooth.copy(), run.velocity.copy()
-    for effect, values in zip(candidate.effects, candidate.values, strict=True):
-        if isinstance(effect, SensorEffect):
-            c = effect.channel
-            smooth[:, c], velocity[:, c] = effect.actual(run.time, smooth[:, c], velocity[:, c], values)
-    return dataclasses.replace(run, smooth=smooth, velocity=velocity)
+def _windows(runs: Sequence[Run]) -> tuple[Segments, NDArray[np.int64]]:
+    """Pieces of runs, and in each the last row that is seen and the row one step later, ``(S, 2)``."""
+    pieces: list[tuple[int, int, int, int]] = []
+    ends = []
+    for number, run in enumerate(runs):
+        rows, step = len(run) - 1, float(np.median(run.dt))
+        ahead = min(max(round(STEP / step), 1), rows)
+        pad = min(math.ceil(_PAD / step), (rows - ahead) // 2)
+        seen = min(max(round(SEEN / step), _SEEN_ROWS), rows - ahead - pad)
+        last = pad + seen + ahead
+        for first in range(0, rows - last + 1, max(round(_EVERY / step), 1)):
+            pieces.append((number, first, first + pad, first + last))
+            ends.append((pad + seen, last))
+    return lay(runs, pieces), np.array(ends, dtype=np.int64)
 
 
 def free_run(
@@ -99,18 +119,19 @@ def compare(
     sums: dict[tuple[str, str], list[float]] = {}
     units = next(iter(models.values()))[0].channels.units
     free: dict[str, list[tuple[Array, Array]]] = {}
+    ahead: dict[str, list[Array]] = {}
     for engine in dict.fromkeys(engine for engine, _ in models.values()):  # side by side where one engine has several
         some = {name: candidate for name, (own, candidate) in models.items() if own is engine}
         free |= zip(some, free_run(engine, list(some.values()), runs, noise), strict=True)
+        ahead |= zip(some, one_step(engine, list(some.values()), runs, noise), strict=True)
     for number, run in enumerate(runs):
         spread = np.maximum(run.position[run.recorded].std(axis=0), 1e-12)
-        steps = {name: one_step(engine, candidate, run) for name, (engine, candidate) in models.items()}
         frees = {name: some[number] for name, some in free.items()}
         for c, joint in enumerate(joints):
             entry: dict[str, Any] = {"run": run.label, "channel": f"qpos.{joint}", "one_step": {}, "free_run": {}}
             for name in models:
                 far = run.position[run.recorded, c] - frees[name][0][run.recorded, c]
-                entry["one_step"][name] = _rms(steps[name][:, c]) / spread[c]
+                entry["one_step"][name] = _rms(ahead[name][number][:, c]) / spread[c]
                 entry["free_run"][name] = _rms(far) / spread[c]
             for kind in ("one_step", "free_run"):
                 entry[kind]["noise"] = float(noise.scale[c] / spread[c])

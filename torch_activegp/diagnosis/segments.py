@@ -105,7 +105,7 @@ def cut(runs: Sequence[Run], seconds: float, pad: float) -> Segments:
         count = min(max(round(scored * step / seconds), 1), scored)
         edges = np.linspace(before, rows, count + 1).round().astype(int)
         pieces += [(number, a - before, a, b) for a, b in itertools.pairwise(edges.tolist())]
-    return _lay(runs, pieces)
+    return lay(runs, pieces)
 
 
 def halve(segments: Segments, which: NDArray[np.bool_]) -> Segments:
@@ -120,10 +120,10 @@ def halve(segments: Segments, which: NDArray[np.bool_]) -> Segments:
         middle = (a + b) // 2
         parts = [(a, middle), (middle, b)] if cut_it and b - a >= 2 * _LEAST else [(a, b)]
         pieces += [(int(number), int(c - (a - first)), int(c), int(d)) for c, d in parts]
-    return _lay(segments.runs, pieces)
+    return lay(segments.runs, pieces)
 
 
-def _lay(runs: Sequence[Run], pieces: Sequence[tuple[int, int, int, int]]) -> Segments:
+def lay(runs: Sequence[Run], pieces: Sequence[tuple[int, int, int, int]]) -> Segments:
     """Segments from run, first simulated row, first scored row and row at the end."""
     length = max(b - start for _, start, _, b in pieces)
     channels = runs[0].position.shape[1]

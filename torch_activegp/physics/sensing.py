@@ -25,19 +25,6 @@ class SensorEffect(Effect):
 
     channel: int = 0
 
-    def actual(self, time: Array, reading: Array, velocity: Array, values: Array) -> tuple[Array, Array]:
-        """Where the joint was, and how fast, when a sensor with this effect read something: the inverse of `measure`.
-
-        What it read, unless a class says more.
-
-        Args:
-            time: s, ``(T,)``.
-            reading: rad or m, ``(T,)``.
-            velocity: of the reading, rad/s or m/s, ``(T,)``.
-            values: the parameters, ``(P,)``.
-        """
-        return reading, velocity
-
     @classmethod
     def make(cls, place: Place, parameter: Parameter, seeds: list[float], linear: int) -> Self:
         """Makes the effect for a recorded position."""
@@ -60,10 +47,6 @@ class SensorBias(SensorEffect):
         """Adds the bias."""
         return self.channel, read(self.channel, np.zeros(len(values))) + values[:, :1]
 
-    def actual(self, time: Array, reading: Array, velocity: Array, values: Array) -> tuple[Array, Array]:
-        """Takes the bias away."""
-        return reading - values[0], velocity
-
 
 class SensorGain(SensorEffect):
     """g q: the encoder's scale is off."""
@@ -79,10 +62,6 @@ class SensorGain(SensorEffect):
     def measure(self, read: Callable[[int, Array], Array], values: Array) -> tuple[int, Array]:
         """Scales the position."""
         return self.channel, read(self.channel, np.zeros(len(values))) * (1.0 + values[:, :1])
-
-    def actual(self, time: Array, reading: Array, velocity: Array, values: Array) -> tuple[Array, Array]:
-        """Takes the factor away."""
-        return reading / (1.0 + values[0]), velocity / (1.0 + values[0])
 
     def describe(self, values: Array) -> dict[str, float]:
         """The gain, 1 for the recording as it is."""
@@ -105,11 +84,6 @@ class SensorDelay(SensorEffect):
     def measure(self, read: Callable[[int, Array], Array], values: Array) -> tuple[int, Array]:
         """Reads the trajectory earlier."""
         return self.channel, read(self.channel, values[:, 0])
-
-    def actual(self, time: Array, reading: Array, velocity: Array, values: Array) -> tuple[Array, Array]:
-        """Looks at what is read later."""
-        later = time + values[0]
-        return np.interp(later, time, reading), np.interp(later, time, velocity)
 
 
 SENSING: tuple[type[SensorEffect], ...] = (SensorBias, SensorGain, SensorDelay)
