@@ -57,3 +57,10 @@ def test_bounds_units_and_names(bench: Any) -> None:
 def test_the_centre_on_two_axes_begins_where_it_is_on_one() -> None:
     one, two = CenterOfMassOffset.along(FORE, 0.2, 2), CenterOfMassOffset.along(FORE, 0.2, 0, 2)
     np.testing.assert_allclose(two.taking_over(one, np.array([0.02])), [0.0, 0.02])
+
+
+@pytest.mark.parametrize("own", [0.0, 0.01])
+def test_a_rotor_is_tuned_where_a_drive_is_or_where_the_model_has_one(own: float) -> None:
+    xml = SLIDE.replace('armature="0.5"', f'armature="{own}"').replace('<motor name="drive" joint="x"/>', "")
+    model = mujoco.MjModel.from_xml_string(xml)
+    assert ArmatureError.at(Place("joint:x", 0), model).tunable is (own > 0.0)

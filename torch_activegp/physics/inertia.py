@@ -26,9 +26,9 @@ class ArmatureError(JointEffect):
         """Makes the effect for a joint; J is what comes on top of the model's own."""
         inertia = 1.0 / max(float(model.dof_invweight0[place.index]), 1e-12)
         unit = "kg m2" if place.position_unit == "rad" else "kg"
-        low = -0.9 * float(model.dof_armature[place.index])
-        parameter = Parameter("armature", unit, 0.05 * inertia, low=low)
-        return cls.make(place, (parameter,), [[0.05 * inertia]], tunable=driven(place, model))
+        own = float(model.dof_armature[place.index])
+        parameter = Parameter("armature", unit, 0.05 * inertia, low=-0.9 * own)
+        return cls.make(place, (parameter,), [[0.05 * inertia]], tunable=driven(place, model) or own > 0.0)
 
     def edit(self, field: Callable[[str], Array], rows: Index, values: Array) -> bool:
         """Adds to ``dof_armature``."""
