@@ -22,7 +22,7 @@ SEEN = 0.4
 """Each model has its state from what was recorded so long before, s. States smoothed without a model are too rough to
 step from: their velocities make errors several times the noise, behind which no correction shows."""
 _SEEN_ROWS = 6
-_EVERY = 0.25
+_EVERY = 0.5
 _PAD = 0.1
 _FIRST = 1.0
 _ROUNDS = 5
@@ -34,7 +34,7 @@ def one_step(
     """Errors one step after what each model was shown, its initial state fitted to that.
 
     Returns:
-        For each candidate and each run, ``(N, C)``, rad or m; N steps, one every quarter of a second.
+        For each candidate and each run, ``(N, C)``, rad or m; N steps, one every half a second.
     """
     windows, ends = _windows(runs)
     each = np.arange(windows.size)
