@@ -10,9 +10,10 @@ import numpy as np
 
 from torch_activegp.diagnosis.elimination import invert, wald
 from torch_activegp.diagnosis.fit import Fit
+from torch_activegp.diagnosis.merging import TWO_SIDED, merged, push
 from torch_activegp.diagnosis.runs import Array
 from torch_activegp.diagnosis.screening import Atom
-from torch_activegp.physics.actuation import ActuatorBias, ActuatorEffect
+from torch_activegp.physics.actuation import ActuatorEffect
 from torch_activegp.physics.effect import Effect
 from torch_activegp.physics.soft_friction import SOFT
 
@@ -23,7 +24,6 @@ MOST = 6
 _BEAM = 6
 _BEST = 2
 _START = 0.15
-TWO_SIDED = "asymmetric_friction"
 _LATE = ({"actuator_delay", "sensor_delay"}, {"actuator_lag", "sensor_delay"}, {"actuator_delay", "actuator_lag"})
 
 
@@ -171,7 +171,7 @@ def simpler(
             if law.target == effect.target and law.name in effect.covers and law.linear == 1:
                 alone = [*others, (law, np.array([value[: effect.linear].mean()]))]
                 plain += [_set([*alone, *more]) for more in ([], *_offset(best, effect, value, effects, free))]
-    plain += [*_merged(pairs, effects), *_once_less(pairs, effects)]
+    plain += [*map(_set, merged(pairs, effects)), *_once_less(pairs, effects)]
     fresh = [some for some in fewer if frozenset(some[0]) not in known]
     return fresh + [some for some in plain if known.get(frozenset(some[0]), np.inf) > close]
 
@@ -210,31 +210,6 @@ def _once_less(pairs: Sequence[tuple[Effect, Array]], effects: Sequence[Effect])
     return out
 
 
-def _merged(pairs: Sequence[tuple[Effect, Array]], effects: Sequence[Effect]) -> list[Set]:
-    """A set with an asymmetric friction in place of a symmetric one and something constant: one name instead of two.
-
-    Where the constant is the larger one, that is no friction in one direction, and they stay two.
-    """
-    out: list[Set] = []
-    for dry, level in pairs:
-        laws = [e for e in effects if e.target == dry.target and dry.name in e.covers and e.name == TWO_SIDED]
-        for push, value in pairs if dry.name == "coulomb_friction" else ():
-            force = _push(push, value, dry.target)
-            two_sided = np.array([level[0] - force, level[0] + force])
-            others = [(e, v) for e, v in pairs if e is not dry and e is not push]
-            out += [_set([*others, (law, two_sided)]) for law in laws if force and law.plausible(two_sided)]
-    return out
-
-
-def _push(effect: Effect, value: Array, target: str) -> float:
-    """The constant force of an effect on a joint."""
-    if effect.key == ("constant_force", target):
-        return float(value[0])
-    if isinstance(effect, ActuatorBias) and effect.drives == target:
-        return float(value[0]) * effect.nominal_gain * effect.gear
-    return 0.0
-
-
 def late_elsewhere(best: Fit, effects: Sequence[Effect]) -> list[Set]:
     """A set with the encoder late by as much as the drive was, or the drive as the encoder, or in another way.
 
@@ -271,7 +246,7 @@ def _offset(
     """What an asymmetric friction has beyond a symmetric one: a constant force, or a drive's bias that is no name."""
     if effect.name != TWO_SIDED:
         return []
-    pushes = [(e, _push(e, np.ones(1), effect.target)) for e in effects if e.key not in best.keys]
+    pushes = [(e, push(e, np.ones(1), effect.target)) for e in effects if e.key not in best.keys]
     wanted = -0.5 * float(value[0] - value[1])
     return [[(e, np.array([wanted / p]))] for e, p in pushes if p and (e.name == "constant_force" or e.key in free)]
 

@@ -99,8 +99,15 @@ class PayloadAlong(PayloadMass):
         return np.array(self.offset) / np.linalg.norm(self.offset)
 
 
+@dataclasses.dataclass(frozen=True, eq=False)
 class PayloadAside(PayloadMass):
-    """A point mass somewhere in a plane through a body's centre of mass."""
+    """A point mass somewhere in a plane through a body's centre of mass.
+
+    Args:
+        own: mass of the body in the model, kg.
+    """
+
+    own: float = 0.0
 
     law = "a point mass m at an offset from the body's nominal centre of mass, in the body's frame"
 
@@ -120,7 +127,20 @@ class PayloadAside(PayloadMass):
             stands_in=True,
             body=end.body,
             axes=axes,
+            own=float(model.body_mass[place.index]),
         )
+
+    def moving(self, mass: float, there: Array, shift: Array) -> Array:
+        """Parameters with which it moves the body's centre of mass farther than a load elsewhere does.
+
+        Args:
+            mass: of the load, kg.
+            there: where the load was, m from the centre of mass, ``(3,)``.
+            shift: by how much more the centre is to move, m, ``(3,)``.
+        """
+        place = (there + shift * (self.own + mass) / mass)[list(self.axes)]
+        low, high = (np.array([getattr(p, end) for p in self.parameters]) for end in ("low", "high"))
+        return np.clip(np.array([mass, *place]), low, high)
 
     def taking_over(self, other: Effect, values: Array) -> Array:
         """Begins where the other load sits."""
