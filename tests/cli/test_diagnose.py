@@ -180,6 +180,15 @@ def test_the_sentence_comes_first_then_effects_ties_errors_and_files(run: Run, f
     assert (call["seed"], call["nthread"]) == (3, 0)
 
 
+def test_what_the_simulator_has_too_much_of_is_not_called_missing(run: Run, folder: Path, fake: Fake) -> None:
+    assert "Missing in the simulator" in run("diagnose", "slide.xml", "a.csv").stdout
+    fake.found["effects"][0]["too_much"] = True
+    text = run("diagnose", "slide.xml", "a.csv").stdout
+    assert "Wrong in the simulator" in text
+    assert "Missing" not in text
+    assert text.count("too much in the simulator") == 1
+
+
 @pytest.mark.parametrize("verdict", ["none", "unknown"])
 def test_no_effects_give_no_tables(run: Run, folder: Path, fake: Fake, verdict: str) -> None:
     fake.found = plain(verdict)

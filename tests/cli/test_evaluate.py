@@ -31,6 +31,7 @@ ERRORS = {
     ],
     "one_step": {"error": 0.02, "noise": 0.019},
     "free_run": {"error": None, "noise": 0.0021},
+    "notes": ["b.csv: no ctrl.m; taken as [bold]0[/]."],
 }
 
 
@@ -67,6 +68,7 @@ def test_the_errors_are_a_table_and_a_file(run: Run, folder: Path, calls: list[t
         "See errors/rod.json.",
     ):
         assert words in text
+    assert result.stderr == "b.csv: no ctrl.m; taken as [bold]0[/].\n"
     assert calls == [(Path("rod.xml"), ["a.csv", "b.csv"])]
     assert json.loads((folder / "errors" / "rod.json").read_text()) == ERRORS
 
@@ -160,3 +162,13 @@ def test_help_teaches(run: Run) -> None:
     output = run("evaluate", "--help").output
     for words in ("torch-activegp evaluate emps emps:test", "corrected.xml", "--columns", "--out"):
         assert words in output
+
+
+def test_degrees_are_refused_as_a_diagnosis_does(run: Run, folder: Path) -> None:
+    time = np.arange(400) * 0.01
+    degrees = 30.0 * np.sin(3.0 * time)
+    pd.DataFrame({"time": time, "qpos.hip": degrees, "ctrl.m": np.sin(time)}).to_csv("deg.csv", index=False)
+    for command in ("evaluate", "diagnose"):
+        result = run(command, "rod.xml", "deg.csv")
+        assert result.exit_code == 2
+        assert "deg.csv, column `qpos.hip`: rad or m wanted" in result.stderr.replace("\n", " ")

@@ -1,6 +1,8 @@
 from __future__ import annotations
 
 import io
+import re
+from typing import Any
 
 import pytest
 from rich.console import Console
@@ -120,3 +122,27 @@ def test_what_is_done_now_is_shown_and_other_things_than_episodes_are_counted() 
     with EpisodeProgress(Console(file=terminal, force_terminal=True, width=120), "diagnosing", 3) as progress:
         progress.tell("arm: [naming]")
     assert "arm: [naming]" in terminal.getvalue()
+
+
+@pytest.mark.parametrize("stage", ["naming", "testing what comes on top of very many effects, one after the other"])
+@pytest.mark.parametrize("make", [StageProgress, lambda console, title: EpisodeProgress(console, title, 3)])
+def test_after_ctrl_c_what_is_said_has_a_line_of_its_own(make: Any, stage: str) -> None:
+    file, width = io.StringIO(), 60
+    console = Console(file=file, force_terminal=True, color_system=None, width=width)
+    with pytest.raises(KeyboardInterrupt), make(console, "at work") as progress:
+        progress.tell(stage)
+        raise KeyboardInterrupt
+    console.print("Interrupted.")
+    show_cursor = "\x1b[?25h"
+    assert file.getvalue().endswith(f"\n{show_cursor}Interrupted.\n")  # no code moves up or wipes before it is said
+    lines = re.sub(r"\x1b\[[?0-9;]*[A-Za-z]", "", file.getvalue()).replace("\r", "\n").splitlines()
+    assert stage[:20] in lines[-2]
+    assert max(map(len, lines)) <= width - len("^C^C")
+
+
+def test_an_error_leaves_no_stage_behind() -> None:
+    file = io.StringIO()
+    console = Console(file=file, force_terminal=True, color_system=None, width=50)
+    with pytest.raises(ValueError, match="bad"), StageProgress(console, "diagnosing"):
+        raise ValueError("bad")
+    assert file.getvalue().endswith("\x1b[1A\x1b[2K")

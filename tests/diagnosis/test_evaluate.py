@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+import torch
 
 from torch_activegp.data import Recording
 from torch_activegp.diagnosis import evaluate
@@ -20,7 +21,8 @@ Record = Callable[..., Recording]
 def test_a_right_model_errs_by_the_noise_and_a_wrong_one_by_more(record: Record) -> None:
     right = evaluate(model_text(), [record("none", 3)], nthread=1)
     wrong = evaluate(model_text(), [record("bump", 3)], nthread=1)
-    assert set(right) == {"runs", "one_step", "free_run"}
+    assert set(right) == {"runs", "one_step", "free_run", "notes"}
+    assert right["notes"] == []
     assert right["free_run"]["error"] < 1.2 * right["free_run"]["noise"]
     assert wrong["free_run"]["error"] > 3 * wrong["free_run"]["noise"]
     assert wrong["one_step"]["error"] > right["one_step"]["error"]
@@ -40,6 +42,22 @@ def test_every_run_and_channel_has_its_own_entry_and_the_whole_is_their_rms(reco
         errors = [entry[kind]["error"] for entry in found["runs"]]
         assert set(found["runs"][0][kind]) == {"error", "noise"}
         assert found[kind]["error"] == pytest.approx(np.sqrt(np.mean(np.square(errors))))
+
+
+def test_degrees_are_refused(record: Record) -> None:
+    run = record("none", 3)
+    columns = {name: run[name] for name in run.columns}
+    degrees = Recording.from_columns("swing", columns | {"qpos.hip": torch.rad2deg(run["qpos.hip"])})
+    with pytest.raises(DataError, match=r'swing, column `qpos.hip`: rad or m wanted.*unit = "deg"'):
+        evaluate(model_text(), [degrees], nthread=1)
+
+
+def test_what_was_decided_about_the_recordings_is_noted(record: Record) -> None:
+    run = record("none", 3, "a")
+    columns = {name: run[name] for name in run.columns if name != "ctrl.drive"}
+    still = Recording.from_columns("b", columns, notes=("Columns left out: x.",))
+    found = evaluate(model_text(), [run, still], nthread=1)
+    assert found["notes"] == ["b: Columns left out: x.", "b: no ctrl.drive; taken as 0."]
 
 
 def test_no_recording_is_refused() -> None:
@@ -73,5 +91,6 @@ def test_a_prescribed_joint_is_followed_and_not_scored(double: Any) -> None:
     assert [entry["channel"] for entry in right["runs"]] == ["qpos.elbow"]
     assert right["free_run"]["error"] < 1.3 * right["free_run"]["noise"]
     assert right["one_step"]["error"] < 3 * right["one_step"]["noise"]
+    assert any(note.startswith("Prescribed: shoulder.") for note in right["notes"])
     free = evaluate(model, [dataclasses.replace(held, prescribed=())], nthread=1)
     assert free["free_run"]["error"] > 100 * right["free_run"]["error"]

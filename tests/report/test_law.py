@@ -32,3 +32,14 @@ def test_a_law_that_is_not_named_says_so_and_a_missing_line_is_left_out() -> Non
 
 def test_no_law_no_section() -> None:
     assert law({"verdict": "none"}, {"laws": []}) is None
+
+
+def test_a_law_of_which_the_simulator_has_too_much_says_so(fakes: Any) -> None:
+    diagnosis, evidence = fakes["named"]()
+    pairs = zip(diagnosis["effects"], (0.91, None), strict=True)
+    effects = [{**effect, "too_much": True, "share": share} for effect, share in pairs]
+    first, second = law(diagnosis | {"effects": effects}, evidence).content["charts"]
+    assert first.title.replace("\u00a0", " ") == (
+        "Coulomb friction at joint elbow, of which the simulator has too much, explains 91 % of the mismatch"
+    )
+    assert second.title == "Actuator delay at actuator shoulder_motor, of which the simulator has too much"

@@ -189,3 +189,28 @@ def test_a_wrong_verdict_and_an_incomplete_entry_are_said() -> None:
         render_report({"verdict": "maybe"}, {})
     with pytest.raises(DataError, match="an entry without 'target'"):
         render_report({"verdict": "named", "location": [{"share": 0.5}]}, {})
+
+
+def test_what_a_reader_asks_stands_where_he_looks(fakes: Any) -> None:
+    diagnosis, evidence = fakes["named"]()
+    payload = {
+        "name": "payload_mass",
+        "target": "body:forearm",
+        "too_much": True,
+        "parameters": {"distance": {"value": 0.05, "unit": "m", "ci95": [0.04, 0.06]}},
+    }
+    words = Page(render_report(diagnosis | {"effects": [payload, fakes["tie"]()[0]["effects"][0]]}, evidence)).words
+    texts = [text.replace("\u00a0", " ") for _, text in words]
+    assert "nothing to score: a gap, or the run is over" in texts
+    assert "the simulator has too much of it" in texts
+    assert any(text.startswith("50 mm from the body's nominal centre of mass, towards") for text in texts)
+    assert "From zero or one" in texts
+    assert "From zero" in texts  # of what was fitted along
+
+
+def test_paper_breaks_between_figures_and_rows_and_inside_long_sections_only(fakes: Any) -> None:
+    printed = render_report(*fakes["named"]()).partition("@media print {")[2].partition("</style>")[0]
+    rules = re.findall(r"([^{}]+)\{([^{}]*break-inside: avoid[^{}]*)\}", printed)
+    whole = {selector.strip() for selectors, _ in rules for selector in selectors.split(",")}
+    assert {"tr", "figure", ".strip"} <= whole
+    assert not {"section", ".pair", ".code", "table", ".tiles"} & whole

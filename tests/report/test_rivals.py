@@ -47,3 +47,25 @@ def test_little_is_said_of_little() -> None:
     assert rivals({"verdict": "named"}, {}) is None
     section = rivals({"verdict": "named", "rivals": [{"effects": []}]}, {})
     assert (section.heading, section.content["rows"][0]["gap"]) == ("The explanations compared", "\u2013")
+
+
+def test_a_long_rival_that_holds_the_best_set_is_told_by_what_it_adds() -> None:
+    a, b, c, d = ({"name": "cogging", "target": f"joint:{name}"} for name in "abcd")
+
+    def names(*sets: list[Any]) -> list[str]:
+        found = [{"effects": effects, "delta_bic": float(gap)} for gap, effects in enumerate(sets)]
+        return [row["name"] for row in rivals({"verdict": "named", "rivals": found}, {}).content["rows"]]
+
+    assert names([a, b], [c, b, a], [a], [a, c, d], [a, b]) == [
+        "Cogging at joint a and cogging at joint b",
+        "The same and cogging at joint c",
+        "Cogging at joint a",
+        "Cogging at joint a, cogging at joint c and cogging at joint d",
+        "Cogging at joint a and cogging at joint b",
+    ]
+    assert names([a], [a, b], [a, b, c])[1:] == [
+        "Cogging at joint a and cogging at joint b",
+        "The same, cogging at joint b and cogging at joint c",
+    ]
+    assert names([a, b, c], [c, b, a])[1] == "Cogging at joint c, cogging at joint b and cogging at joint a"
+    assert names([], [a, b, c])[1] == "Cogging at joint a, cogging at joint b and cogging at joint c"

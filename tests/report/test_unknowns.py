@@ -33,3 +33,15 @@ def test_an_open_sign_is_a_question() -> None:
     effect = {"name": "cogging", "target": "joint:a", "parameters": {"phase": {"value": 0.0, "ci95": [-1.0, 1.0]}}}
     points = unknowns({"verdict": "named", "effects": [effect]}, {}).content["points"]
     assert points[0] == "Whether the phase of cogging at joint a is above or below zero: the interval holds both."
+
+
+def test_a_gain_is_open_around_one() -> None:
+    gain = {"value": 1.0, "ci95": [0.9, 1.1]}
+    effects = [
+        {"name": "actuator_gain", "target": "actuator:a", "parameters": {"gain": gain}},
+        {"name": "viscous_friction", "target": "joint:a", "parameters": {"coefficient": gain}},
+    ]
+    open_ones = [p for p in unknowns({"verdict": "named", "effects": effects}, {}).content["points"] if "interval" in p]
+    assert open_ones == [
+        "Whether the gain of actuator gain at actuator a is above or below one: the interval holds both."
+    ]

@@ -11,6 +11,7 @@ from torch_activegp.report.words import (
     counted,
     effect_text,
     effects_text,
+    excess,
     explained,
     listed,
     own_sentence,
@@ -74,6 +75,14 @@ def test_bic_words(difference: float, word: str) -> None:
 )
 def test_own_sentence(verdict: str, effects: list[Any], sentence: str) -> None:
     assert own_sentence({"verdict": verdict, "effects": effects}).replace("\u00a0", " ") == sentence
+
+
+def test_what_the_simulator_has_too_much_of_is_said() -> None:
+    diagnosis = {"verdict": "named", "effects": [COULOMB | {"too_much": True}, GAIN | {"too_much": False}]}
+    assert own_sentence(diagnosis).endswith(
+        " of the mismatch. The simulator has too much Coulomb friction at joint elbow."
+    )
+    assert excess([COULOMB]) == ""
 
 
 def test_shares_add_up_to_one_at_most() -> None:

@@ -14,7 +14,7 @@ import typer
 from torch_activegp.cli.app import app, console, results
 from torch_activegp.cli.diagnose import _effects, _errors
 from torch_activegp.cli.folders import check_free, next_free, results_in
-from torch_activegp.cli.options import Threads
+from torch_activegp.cli.options import Threads, place
 from torch_activegp.cli.progress import StageProgress, show_time
 from torch_activegp.data import load_recordings
 from torch_activegp.experiments.demo import RATE, RUNS, SECONDS, TESTS, Secret, score, write_demo
@@ -32,7 +32,11 @@ def demo(
     threads: Threads = 0,
     out: Annotated[
         Path | None,
-        typer.Option(help="Output folder: new or empty. By default runs/demo, the next free one.", metavar="FOLDER"),
+        typer.Option(
+            parser=place,
+            help="Output folder: new or empty. By default runs/demo, the next free one.",
+            metavar="FOLDER",
+        ),
     ] = None,
 ) -> None:
     """Hide an effect in a pendulum's recordings, diagnose them, and open the key afterwards.

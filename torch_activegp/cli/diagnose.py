@@ -14,7 +14,7 @@ from rich.table import Table
 from torch_activegp.cli.app import INTERRUPTED, app, console, results
 from torch_activegp.cli.folders import check_free, next_free, results_in
 from torch_activegp.cli.models import find_model
-from torch_activegp.cli.options import RECORDINGS, Columns, Holdout, Model, Seed, Threads, output_folder
+from torch_activegp.cli.options import RECORDINGS, Columns, Holdout, Model, Seed, Threads, output_folder, place
 from torch_activegp.cli.progress import StageProgress, show_time
 from torch_activegp.experiments.output import write_json
 from torch_activegp.experiments.recorded import load_apart
@@ -45,6 +45,7 @@ def diagnose(
     out: Annotated[
         Path | None,
         typer.Option(
+            parser=place,
             help="Output folder, without results of an earlier run. By default runs/diagnose-MODEL, the next free one.",
             metavar="DIR",
         ),
@@ -86,11 +87,11 @@ def diagnose(
     from torch_activegp.diagnosis import diagnose as diagnose_from
     from torch_activegp.diagnosis.checkpoint import kept
 
-    def place(key: str) -> Path:
+    def kept_in(key: str) -> Path:
         own = out or next_free(usual, lambda path: _is_unfinished(path) and kept(path / _PROGRESS)[0] == key)
         return own / _PROGRESS
 
-    checkpoint = Checkpoint(place)
+    checkpoint = Checkpoint(kept_in)
     with _going_on(checkpoint):
         with one_thread(), StageProgress(console, "diagnosing") as progress:
             diagnosis = diagnose_from(
@@ -175,7 +176,8 @@ def _named(effect: Values) -> str:
 
 
 def _effects(effects: Sequence[Values]) -> Table:
-    table = Table(title="Missing in the simulator", caption="parameters with their 95 % intervals")
+    what = "Wrong" if any(effect.get("too_much") for effect in effects) else "Missing"
+    table = Table(title=f"{what} in the simulator", caption="parameters with their 95 % intervals")
     table.add_column("effect", overflow="fold")
     for heading in ("share", "probability"):
         table.add_column(heading, justify="right", no_wrap=True)
@@ -185,7 +187,8 @@ def _effects(effects: Sequence[Values]) -> Table:
             line for name, values in (effect.get("parameters") or {}).items() for line in _parameter(name, values)
         )
         shares = (percent(effect.get(key)) for key in ("share", "probability"))
-        table.add_row(f"{effect['name']}\n{effect['target']}", *shares, parameters)
+        excess = "\ntoo much in the simulator" if effect.get("too_much") else ""
+        table.add_row(f"{effect['name']}\n{effect['target']}{excess}", *shares, parameters)
     return table
 
 

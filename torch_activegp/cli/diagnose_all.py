@@ -16,7 +16,7 @@ from rich.text import Text
 
 from torch_activegp.cli.app import FAILED, INTERRUPTED, app, console, results
 from torch_activegp.cli.folders import check_free, results_in
-from torch_activegp.cli.options import Columns, Seed
+from torch_activegp.cli.options import Columns, Seed, place
 from torch_activegp.cli.progress import EpisodeProgress, show_time
 from torch_activegp.data import ColumnMap
 from torch_activegp.errors import ActiveGPError, ConfigurationError, DataError
@@ -44,7 +44,9 @@ def diagnose_many(
             metavar="FOLDER",
         ),
     ],
-    out: Annotated[Path, typer.Option(help="Output folder; holds one folder for each machine.", metavar="DIR")],
+    out: Annotated[
+        Path, typer.Option(parser=place, help="Output folder; holds one folder for each machine.", metavar="DIR")
+    ],
     columns: Columns = None,
     seed: Seed = 0,
     jobs: Annotated[

@@ -13,7 +13,7 @@ from rich.table import Table
 from torch_activegp.cli.app import app, console, results
 from torch_activegp.cli.folders import check_free, results_in
 from torch_activegp.cli.models import find_model
-from torch_activegp.cli.options import RECORDINGS, Columns, Model
+from torch_activegp.cli.options import RECORDINGS, Columns, Model, place
 from torch_activegp.experiments.output import write_json
 from torch_activegp.experiments.recorded import load_named
 from torch_activegp.experiments.workers import one_thread
@@ -28,7 +28,8 @@ def evaluate(
     recordings: Annotated[list[str], typer.Argument(help=f"To forecast: {RECORDINGS}", metavar="RECORDING...")],
     columns: Columns = None,
     out: Annotated[
-        Path | None, typer.Option(help="Also write the errors there; never over another file.", metavar="FILE.json")
+        Path | None,
+        typer.Option(parser=place, help="Also write the errors there; never over another file.", metavar="FILE.json"),
     ] = None,
 ) -> None:
     """Say how far a simulator's forecasts are from recordings; nothing is fitted.
@@ -50,6 +51,8 @@ def evaluate(
 
     with one_thread(), console.status("forecasting ..."):
         errors = evaluate_from(simulator, runs)
+    for note in errors.get("notes") or ():
+        console.print(note, highlight=False, markup=False, soft_wrap=True)
     results.print(_table(errors, model))
     if out is not None:
         with results_in(out.parent):

@@ -8,6 +8,7 @@ from typing import Annotated
 
 import typer
 
+from torch_activegp.cli.options import place
 from torch_activegp.errors import ConfigurationError
 from torch_activegp.experiments import TASKS
 
@@ -42,7 +43,9 @@ Horizon = Annotated[int, typer.Option(min=1, help="Actions that are planned ahea
 Out = Annotated[
     Path | None,
     typer.Option(
-        help="Output folder: new or empty, unless --resume. By default runs/COMMAND-SYSTEM.", metavar="FOLDER"
+        parser=place,
+        help="Output folder: new or empty, unless --resume. By default runs/COMMAND-SYSTEM.",
+        metavar="FOLDER",
     ),
 ]
 Resume = Annotated[

@@ -10,7 +10,7 @@ import typer
 from rich.table import Table
 
 from torch_activegp.cli.app import app, console, results
-from torch_activegp.cli.options import RECORDINGS, Columns, Holdout, Model, Seed, output_folder
+from torch_activegp.cli.options import RECORDINGS, Columns, Holdout, Model, Seed, output_folder, place
 from torch_activegp.errors import ConfigurationError
 from torch_activegp.experiments.forecast import KINDS
 from torch_activegp.experiments.forecast_figure import draw_forecast
@@ -41,7 +41,7 @@ def learn(
     seed: Seed = 0,
     out: Annotated[
         Path | None,
-        typer.Option(help="Output folder: new or empty. By default runs/learn-MODEL.", metavar="FOLDER"),
+        typer.Option(parser=place, help="Output folder: new or empty. By default runs/learn-MODEL.", metavar="FOLDER"),
     ] = None,
 ) -> None:
     """Learn from recordings where a simulator is wrong, and say how much better simulator + GP forecasts.

@@ -39,6 +39,17 @@ RECORDINGS = (
 """What a recording on the command line may be."""
 
 
+def place(word: str) -> Path:
+    """Where ``--out`` says that results go; an empty word would be the working folder, which nobody means by it.
+
+    Raises:
+        BadParameter: the word is empty.
+    """
+    if not word.strip():
+        raise typer.BadParameter("a place to write to wanted, found an empty name. Give one, such as --out results.")
+    return Path(word)
+
+
 def output_folder(out: Path | None, command: str, system: str) -> Path:
     """The folder that the user chose, or ``runs/COMMAND-SYSTEM``."""
     if out is not None:

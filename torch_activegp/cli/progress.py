@@ -8,8 +8,26 @@ from collections.abc import Callable
 from types import TracebackType
 from typing import Self
 
-from rich.console import Console
+from rich.console import Console, ConsoleOptions, RenderableType, RenderResult
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
+
+_ECHO = 4
+"""Columns kept free behind a bar: a terminal writes ^C there, twice for who is in a hurry."""
+
+
+class _Short:
+    """Leaves the last columns of the terminal to what the keyboard echoes, so that drawing a bar anew wipes both."""
+
+    def __init__(self, bar: RenderableType) -> None:
+        self.bar = bar
+
+    def __rich_console__(self, console: Console, options: ConsoleOptions) -> RenderResult:
+        yield from console.render(self.bar, options.update_width(max(options.max_width - _ECHO, 1)))
+
+
+class _Bar(Progress):
+    def get_renderable(self) -> RenderableType:
+        return _Short(super().get_renderable())
 
 
 class _Shown:
@@ -17,7 +35,7 @@ class _Shown:
 
     console: Console
     clock: Callable[[], float]
-    _bar: Progress
+    _bar: _Bar
     _shown: float
 
     def __enter__(self) -> Self:
@@ -30,8 +48,10 @@ class _Shown:
     def __exit__(
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
-        """Let go of the bar."""
+        """Let go of the bar; after Ctrl-C it stays, for what is said then needs a line that nothing else moves."""
         if self.console.is_terminal:
+            if kind is not None and issubclass(kind, KeyboardInterrupt):
+                self._bar.live.transient = False
             self._bar.stop()
 
 
@@ -71,7 +91,7 @@ class EpisodeProgress(_Shown):
             TimeElapsedColumn(),
             TextColumn("{task.fields[words]}", markup=False),
         )
-        self._bar = Progress(*columns, console=console, redirect_stdout=sys.stdout.isatty())
+        self._bar = _Bar(*columns, console=console, redirect_stdout=sys.stdout.isatty())
         self._bar_task = self._bar.add_task(title, total=total, left="", words="")
 
     @property
@@ -136,7 +156,7 @@ class StageProgress(_Shown):
             BarColumn(bar_width=20),
             TimeElapsedColumn(),
         )
-        self._bar = Progress(*columns, console=console, redirect_stdout=sys.stdout.isatty(), transient=True)
+        self._bar = _Bar(*columns, console=console, redirect_stdout=sys.stdout.isatty(), transient=True)
         self._bar_task = self._bar.add_task(title, total=None, left="")
 
     def tell(self, stage: str, done: float | None = None) -> None:

@@ -5,14 +5,17 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import Any
 
+import mujoco
+
 from torch_activegp.data import Recording
 from torch_activegp.diagnosis.blackbox import check_clock, check_recordings
 from torch_activegp.diagnosis.blackbox_engine import BlackBoxEngine
 from torch_activegp.diagnosis.engine import NOMINAL, Engine, begin_drives, substeps_for
 from torch_activegp.diagnosis.forecast import compare
 from torch_activegp.diagnosis.noise_floor import noise_floor
-from torch_activegp.diagnosis.runs import Channels, make_run
+from torch_activegp.diagnosis.runs import Channels, input_addresses, make_run
 from torch_activegp.diagnosis.source import read_source
+from torch_activegp.diagnosis.wrong_units import check_units
 from torch_activegp.errors import DataError
 
 
@@ -27,11 +30,12 @@ def evaluate(model: object, recordings: Sequence[Recording], nthread: int = 0) -
         nthread: threads of the simulations; 0 for all cores.
 
     Returns:
-        ``one_step`` (0.1 s ahead, from smoothed states) and ``free_run`` (a whole run from a fitted initial state),
-        each with the ``error`` and what ``noise`` alone would leave; and ``runs``, the same for each run and channel.
+        ``one_step`` (0.1 s ahead of what was shown) and ``free_run`` (a whole run from a fitted initial state),
+        each with the ``error`` and what ``noise`` alone would leave; ``runs``, the same for each run and channel; and
+        ``notes``, what was decided about the recordings, in sentences.
 
     Raises:
-        DataError: no recordings, or one that does not fit the model.
+        DataError: no recordings, or one that does not fit the model or seems to be in another unit.
         ConfigurationError: a model that does not compile or cannot be simulated in batches.
     """
     if not recordings:
@@ -39,6 +43,8 @@ def evaluate(model: object, recordings: Sequence[Recording], nthread: int = 0) -
     source = read_source(model)
     channels = Channels.of(source.model, recordings)
     runs = [make_run(recording, source.model, channels) for recording in recordings]
+    if source.box is None and channels.prescribed is None:
+        check_units(source.model, channels, runs)
     if source.box is None:
         engine = Engine(source.model, channels, substeps_for(source.model, runs), nthread)
         begin_drives([engine], runs)
@@ -47,4 +53,19 @@ def evaluate(model: object, recordings: Sequence[Recording], nthread: int = 0) -
         engine = BlackBoxEngine(source.box, channels, check_clock(source.box, runs))
     noise = noise_floor(runs)
     errors, _ = compare({"error": (engine, NOMINAL)}, runs, channels.joints, noise)
-    return {key: errors[key] for key in ("runs", "one_step", "free_run")}
+    notes = _notes(source.model, channels, recordings)
+    return {**{key: errors[key] for key in ("runs", "one_step", "free_run")}, "notes": notes}
+
+
+def _notes(model: mujoco.MjModel, channels: Channels, recordings: Sequence[Recording]) -> list[str]:
+    """What was decided about the recordings."""
+    notes = []
+    if channels.prescribed is not None:
+        joints = ", ".join(channels.prescribed.joints)
+        notes.append(f"Prescribed: {joints}. Simulations follow the recorded motion there; it is not scored.")
+    for recording in recordings:
+        notes += [f"{recording.label}: {note}" for note in recording.notes]
+        missing = [f"ctrl.{name}" for name in input_addresses(model) if name not in recording.actuators]
+        if missing:
+            notes.append(f"{recording.label}: no {', '.join(missing)}; taken as 0.")
+    return notes

@@ -13,6 +13,18 @@ import torch
 from torch_activegp.files import written_whole
 
 SCHEMA_VERSION = 1
+_OWN = ("diagnosis.json", "evidence.json", "corrected.xml", "next.csv", "remainder.pt")
+"""The files of a diagnosis; which of the last three there are depends on what was found."""
+_LOSSES = {
+    "viscous_friction": ("coefficient",),
+    "coulomb_friction": ("level",),
+    "quadratic_drag": ("coefficient",),
+    "asymmetric_friction": ("positive", "negative", "positive_level", "negative_level"),
+    "stribeck_friction": ("coulomb", "static"),
+    "armature_error": ("armature",),
+    "payload_mass": ("mass",),
+}
+"""Amplitudes of what a machine has or has not, so that less than nothing is too much in the simulator."""
 
 
 @dataclasses.dataclass(frozen=True)
@@ -59,6 +71,12 @@ class NamedEffect:
     ties: tuple[tuple[str, str], ...] = ()
     mjcf: bool | None = False
 
+    @property
+    def too_much(self) -> bool:
+        """Whether the simulator has too much of it, rather than too little: every amplitude of a loss is negative."""
+        amplitudes = [self.parameters[name].value for name in _LOSSES.get(self.name, ()) if name in self.parameters]
+        return bool(amplitudes) and max(amplitudes) < 0.0
+
     def to_dict(self) -> dict[str, Any]:
         """The entry of ``diagnosis.json``."""
         return {
@@ -72,6 +90,7 @@ class NamedEffect:
             "ties": [{"name": name, "target": target} for name, target in self.ties],
             "law": self.law,
             "mjcf": self.mjcf,
+            "too_much": self.too_much,
         }
 
 
@@ -189,7 +208,8 @@ class Diagnosis:
         for effect in self.effects:
             values = ", ".join(f"{name} {estimate}" for name, estimate in effect.parameters.items())
             ties = "".join(f"; or {name} at {target}" for name, target in effect.ties)
-            lines.append(f"  {effect.name} at {effect.target}: {values}; explains {effect.share:.0%}{ties}")
+            excess = "; the simulator has too much of it" if effect.too_much else ""
+            lines.append(f"  {effect.name} at {effect.target}: {values}; explains {effect.share:.0%}{excess}{ties}")
         along = [f"{effect['name']} at {effect['target']}" for effect in self.details.get("retuned", ())]
         lines += [f"  fitted along and not named: {', '.join(along)}"] if along else []
         if self.stability is not None and not self.stability.sound:
@@ -208,7 +228,11 @@ class Diagnosis:
         }
 
     def save(self, folder: Path | str) -> None:
-        """Writes ``diagnosis.json``, ``evidence.json`` and the corrected model, each whole or not at all."""
+        """Writes ``diagnosis.json``, ``evidence.json`` and the corrected model, each whole or not at all.
+
+        Files of an earlier diagnosis that this one does not have (``corrected.xml``, ``next.csv``, ``remainder.pt``)
+        are removed at the end; other files stay.
+        """
         folder = Path(folder)
         folder.mkdir(parents=True, exist_ok=True)
         texts = dict(self.files)
@@ -220,3 +244,6 @@ class Diagnosis:
         for name, state in self.states.items():
             with written_whole(folder / name) as file:
                 torch.save(state, file)
+        for name in _OWN:
+            if name not in texts and name not in self.states:
+                (folder / name).unlink(missing_ok=True)

@@ -26,12 +26,18 @@ def sentence(verdict: str, effects: Sequence[NamedEffect], details: Mapping[str,
         where = f", most of it at {places[0]}" if places else ""
         return f"The simulator and the recordings differ{where}, and no effect on the list explains it."
     share = sum(effect.share for effect in effects)
-    names = _joined([f"{effect.name} at {effect.target}" for effect in effects])
+    parts = [
+        ("leaves out", [e for e in effects if not e.too_much]),
+        ("has too much", [e for e in effects if e.too_much]),
+    ]
+    wrong = " and ".join(
+        f"{verb} {_joined([f'{effect.name} at {effect.target}' for effect in some])}" for verb, some in parts if some
+    )
     error = details["fit"]["holdout"]["free_run"]
     moves = "falls" if error["after"] <= error["before"] else "rises"
     better = f"with it, the free-run error on held-out runs {moves} from {error['before']:.3g} to {error['after']:.3g}"
     noise = f"(noise {error['noise']:.2g})"
-    text = f"The simulator leaves out {names}, explaining {share:.0%} of the mismatch; {better} {noise}"
+    text = f"The simulator {wrong}, explaining {share:.0%} of the mismatch; {better} {noise}"
     if verdict == "tie":
         tied = [effect for effect in effects if effect.ties]
         text = f"{text}; the recordings cannot tell {_joined([_tied(effect, len(effects) > 1) for effect in tied])}"

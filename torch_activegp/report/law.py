@@ -52,4 +52,5 @@ def _title(found: Values, effect: Values | None) -> str:
     if effect is None:
         return f"{name}: not among the named effects"
     share = effect.get("share")
-    return f"{name} explains {percent(share)} of the mismatch" if is_number(share) else name
+    name += ", of which the simulator has too much," if effect.get("too_much") else ""
+    return f"{name} explains {percent(share)} of the mismatch" if is_number(share) else name.rstrip(",")

@@ -7,8 +7,11 @@ from collections.abc import Sequence
 from typing import Any
 
 from torch_activegp.report.numbers import MISSING, estimate, is_number, percent
+from torch_activegp.report.reading import holds_nothing, nothing, where
 from torch_activegp.report.section import Section, Values
-from torch_activegp.report.words import capital, counted, effect_text
+from torch_activegp.report.words import capital, counted, effect_text, listed
+
+_NOTHING = {0.0: "zero", 1.0: "one"}
 
 
 def parameters(diagnosis: Values, evidence: Values) -> Section | None:
@@ -26,52 +29,70 @@ def parameters(diagnosis: Values, evidence: Values) -> Section | None:
     elif all(row["interval"] == MISSING for row in rows):
         heading = f"{count} fitted"
     elif loose:
-        heading = f"{count} fitted; {len(loose)} could as well be zero"
+        heading = f"{count} fitted; {len(loose)} could as well be {_nothings(loose)}"
     else:
         heading = f"{count} fitted, with {'its 95 % interval' if len(rows) == 1 else 'their 95 % intervals'}"
-    return Section("parameters", "Parameters", heading, {"effects": effects, "retuned": retuned})
+    content = {"effects": effects, "retuned": retuned, "origins": [_origins(effects), _origins(retuned)]}
+    return Section("parameters", "Parameters", heading, content)
 
 
 def _group(effect: Values) -> dict[str, Any]:
-    rows = [row for name, found in (effect.get("parameters") or {}).items() for row in _rows(name, found)]
+    known = (effect.get("parameters") or {}).items()
+    rows = [row for name, found in known for row in _rows(effect["name"], name, found)]
     probability = effect.get("probability")
     return {
         "name": capital(effect_text(effect)),
         "law": effect.get("law") or "",
         "probability": percent(probability) if is_number(probability) else "",
+        "excess": bool(effect.get("too_much")),
         "rows": rows,
     }
 
 
-def _rows(name: str, found: Values) -> list[dict[str, Any]]:
+def _rows(effect: str, name: str, found: Values) -> list[dict[str, Any]]:
     value, interval = found.get("value"), found.get("ci95")
     if not isinstance(value, Sequence) or isinstance(value, str):
-        return [_row(name, value, interval, found.get("unit"))]
+        return [_row(effect, name, found)]
     nested = interval if interval is not None and len(interval) == len(value) else [None] * len(value)
     pairs = zip(value, nested, strict=True)
-    return [_row(f"{name} {index}", part, ends, found.get("unit")) for index, (part, ends) in enumerate(pairs, 1)]
+    parts = [{**found, "value": part, "ci95": ends} for part, ends in pairs]
+    return [_row(effect, f"{name} {index}", part) for index, part in enumerate(parts, 1)]
 
 
-def _row(name: str, value: Any, interval: Any, unit: str | None) -> dict[str, Any]:
+def _row(effect: str, name: str, found: Values) -> dict[str, Any]:
+    value, interval = found.get("value"), found.get("ci95")
     text, ends = estimate(value, interval)
-    picture = _picture(value, interval) if ends != MISSING else None
+    origin = nothing(effect, name)
+    picture = _picture(origin, value, interval) if interval is not None and ends != MISSING else None
     return {
         "name": name.replace("_", " "),
+        "where": where(effect, name, value),
+        "nothing": _NOTHING[origin],
         "value": text,
         "interval": ends,
-        "unit": unit or "",
+        "unit": found.get("unit") or "",
         "picture": picture,
-        "loose": picture is not None and interval[0] < 0 < interval[1],
+        "loose": picture is not None and holds_nothing(effect, name, interval),
     }
 
 
-def _picture(value: Any, interval: Sequence[Any]) -> dict[str, float] | None:
-    """Places in per cent of zero, the value and the interval's ends on one short axis."""
-    numbers = (0.0, value, *interval)
+def _origins(groups: Sequence[Values]) -> str:
+    """The heading of the pictures: where they begin."""
+    return f"From {_nothings([row for group in groups for row in group['rows']])}"
+
+
+def _nothings(rows: Sequence[Values]) -> str:
+    """The values with which nothing is wrong: zero, one, or both in words."""
+    return listed(sorted({row["nothing"] for row in rows}, reverse=True), "or")
+
+
+def _picture(origin: float, value: Any, interval: Sequence[Any]) -> dict[str, float] | None:
+    """Places in per cent of the value that means nothing, the value and the interval's ends on one short axis."""
+    numbers = (origin, value, *interval)
     if not all(is_number(item) and math.isfinite(item) for item in numbers):
         return None
     low, high = min(numbers), max(numbers)
     if high == low:
         return None
     at = [round(4 + 92 * (item - low) / (high - low), 1) for item in numbers]
-    return {"zero": at[0], "value": at[1], "start": at[2], "width": round(at[3] - at[2], 1)}
+    return {"origin": at[0], "value": at[1], "start": at[2], "width": round(at[3] - at[2], 1)}

@@ -11,7 +11,7 @@ from torch_activegp.report.axis import Axis, axis_over
 from torch_activegp.report.chart import Chart, level, steps
 from torch_activegp.report.numbers import is_number, minus, number, p_value, percent
 from torch_activegp.report.section import Section, Values, units, with_unit
-from torch_activegp.report.strip import cells, legend
+from torch_activegp.report.strip import cells, legend, spans
 from torch_activegp.report.words import capital, place_name
 
 _MOST_RUNS = 24
@@ -83,9 +83,8 @@ def _times(evidence: Values, looks: Sequence[str]) -> dict[str, Any] | None:
 
 
 def _ends(time: list[float]) -> tuple[float, float]:
-    centres = np.asarray(time, dtype=float)
-    half = float(np.median(np.diff(centres))) / 2 if centres.size > 1 else 0.5
-    return float(centres[0]) - half, float(centres[-1]) + half
+    left, right = spans(np.asarray(time, dtype=float))
+    return float(left[0]), float(right[-1])
 
 
 def _peak(found: Values) -> float:

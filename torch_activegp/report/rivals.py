@@ -6,11 +6,13 @@ from typing import Any
 
 from torch_activegp.report.numbers import is_number, misfit, number, percent
 from torch_activegp.report.section import Section, Values
-from torch_activegp.report.words import bic_word, capital, effects_text
+from torch_activegp.report.words import bic_word, capital, effect_text, effects_text, listed
 
 _FIRST = 8
 _HARDLY = 1e-12
 _CLOSE = 2.0
+_LONG = 2
+"""A set of more effects than these that contains the best one is told by what it adds."""
 _TAGS = {"none": "the verdict", "named": "the verdict", "tie": "tied", "unknown": "not enough"}
 
 
@@ -45,7 +47,7 @@ def _heading(diagnosis: Values, found: list[Values], named: frozenset[Any]) -> s
 def _row(rival: Values, best: Values, named: frozenset[Any]) -> dict[str, Any]:
     gap, probability = _gap(rival, best), rival.get("probability")
     return {
-        "name": capital(effects_text(rival["effects"])),
+        "name": capital(_name(rival["effects"], best["effects"])),
         "named": _key(rival["effects"]) == named,
         "chi2": misfit(rival.get("chi2_per_dof")),
         "gap": number(gap, 3) if gap else "best" if gap == 0 else number(None),
@@ -55,6 +57,13 @@ def _row(rival: Values, best: Values, named: frozenset[Any]) -> dict[str, Any]:
         "probability": percent(probability or _HARDLY if is_number(probability) else None),
         "width": round(100 * min(1.0, max(0.0, probability)), 1) if is_number(probability) else 0.0,
     }
+
+
+def _name(effects: list[Values], best: list[Values]) -> str:
+    if best and len(effects) > _LONG and _key(effects) > _key(best):
+        known = _key(best)
+        return listed(["the same", *(effect_text(effect) for effect in effects if not _key([effect]) <= known)])
+    return effects_text(effects)
 
 
 def _gap(rival: Values, best: Values) -> float | None:

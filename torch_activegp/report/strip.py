@@ -36,20 +36,34 @@ def cells(axis: Axis, centres: Sequence[Any], values: Sequence[Any]) -> list[Cel
         values: chi2 per degree of freedom.
     """
     where, what = np.asarray(centres, dtype=float), np.asarray(values, dtype=float)
-    known = np.isfinite(where) & ~np.isnan(what)
-    where, what = where[known], what[known]
+    where, what = where[np.isfinite(where)], what[np.isfinite(where)]
     if not where.size:
         return []
-    half = float(np.median(np.diff(where))) / 2 if where.size > 1 else (axis.high - axis.low) / 2
+    left, right = spans(where) if where.size > 1 else (np.array([axis.low]), np.array([axis.high]))
     pieces = np.array_split(np.arange(where.size), min(where.size, _MOST_CELLS))
     found = []
     for piece in pieces:
-        ends = np.array([where[piece[0]] - half, where[piece[-1]] + half])
-        left, right = np.clip(axis.place(ends), 0, EXTENT)
-        value = float(what[piece].max())
+        if np.isnan(what[piece]).all():
+            continue
+        ends = np.array([left[piece[0]], right[piece[-1]]])
+        begin, end = np.clip(axis.place(ends), 0, EXTENT)
+        value = float(np.nanmax(what[piece]))
         text = f"{number(float(where[piece].mean()))} s: {number(value, 2)}"
-        found.append(Cell(round(float(left), 1), round(float(right - left), 1), level_of(value), text))
+        found.append(Cell(round(float(begin), 1), round(float(end - begin), 1), level_of(value), text))
     return found
+
+
+def spans(centres: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Begin and end of each segment, s: segments of any lengths lie side by side, and meet midway between centres.
+
+    Args:
+        centres: time of each segment's centre, ``(S,)``, s.
+    """
+    if centres.size < 2:
+        return centres - 0.5, centres + 0.5
+    middle = (centres[1:] + centres[:-1]) / 2
+    first, last = 2 * centres[0] - middle[0], 2 * centres[-1] - middle[-1]
+    return np.concatenate([[first], middle]), np.concatenate([middle, [last]])
 
 
 def level_of(value: float) -> int:

@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import Any
 
 from torch_activegp.report.numbers import is_number, percent
+from torch_activegp.report.reading import holds_nothing, nothing
 from torch_activegp.report.section import Section, Values
 from torch_activegp.report.words import capital, effect_name, effect_text, listed
 
@@ -43,20 +44,17 @@ def _rest(diagnosis: Values) -> list[str]:
 
 
 def _loose(diagnosis: Values) -> list[str]:
-    names = [
-        f"the {name.replace('_', ' ')} of {effect_text(effect)}"
-        for effect in diagnosis.get("effects") or []
-        for name, found in (effect.get("parameters") or {}).items()
-        if _holds_zero(found.get("ci95"))
-    ]
-    verb = "is" if len(names) == 1 else "are"
-    return [f"Whether {listed(names)} {verb} above or below zero: the interval holds both."] if names else []
-
-
-def _holds_zero(interval: Any) -> bool:
-    return (
-        interval is not None and len(interval) == 2 and all(map(is_number, interval)) and interval[0] < 0 < interval[1]
-    )
+    points = []
+    for origin, word in ((0.0, "zero"), (1.0, "one")):
+        names = [
+            f"the {name.replace('_', ' ')} of {effect_text(effect)}"
+            for effect in diagnosis.get("effects") or []
+            for name, found in (effect.get("parameters") or {}).items()
+            if nothing(effect["name"], name) == origin and holds_nothing(effect["name"], name, found.get("ci95"))
+        ]
+        verb = "is" if len(names) == 1 else "are"
+        points += [f"Whether {listed(names)} {verb} above or below {word}: the interval holds both."] if names else []
+    return points
 
 
 def _limits(diagnosis: Values) -> str:

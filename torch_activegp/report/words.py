@@ -70,6 +70,12 @@ def bic_word(difference: float) -> str:
     return next((word for bound, word in _BIC_WORDS if difference >= bound), "as good")
 
 
+def excess(effects: Sequence[Mapping[str, Any]]) -> str:
+    """A sentence about what the simulator has too much of, if there is such an effect."""
+    names = [effect_text(effect) for effect in effects if effect.get("too_much")]
+    return f" The simulator has too much {listed(names)}." if names else ""
+
+
 def own_sentence(diagnosis: Mapping[str, Any]) -> str:
     """The verdict in one sentence, for a diagnosis that brings none."""
     effects = diagnosis.get("effects") or []
@@ -81,7 +87,9 @@ def own_sentence(diagnosis: Mapping[str, Any]) -> str:
         return f"{capital(listed([effects_text(effects), *rivals], 'or'))}: these recordings cannot separate them."
     if verdict == "named" and effects:
         verb = "explains" if len(effects) == 1 else "explain"
-        return f"{capital(effects_text(effects))} {verb} {percent(explained(effects))} of the mismatch."
+        return (
+            f"{capital(effects_text(effects))} {verb} {percent(explained(effects))} of the mismatch.{excess(effects)}"
+        )
     known = f" Only {effects_text(effects)} could be named." if effects else ""
     return f"The simulator is wrong, and no effect that we know explains it.{known}"
 

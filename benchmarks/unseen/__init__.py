@@ -1,0 +1,1 @@
+"""An evaluation set that was written without sight of the tool: fourteen machines, own equations of motion."""
