@@ -153,7 +153,8 @@ def test_a_balanced_body_on_several_joints_gets_what_keeps_it_balanced() -> None
     assert [effect.variant for effect in body_effects(spec.compile())] == ["center", "density"]
     spec.body("cart").simple = False
     forms = [effect.variant for effect in body_effects(spec.compile())]
-    assert forms == ["center", "density", "x", "y", "z", "xy", "xz", "yz"]
+    planes = ["xy", "xz", "yz"]
+    assert forms == ["center", "density", "end", "along", *planes, "x", "y", "z", *planes]
 
 
 def test_a_load_hangs_at_the_far_end(bench: Any) -> None:
@@ -175,3 +176,22 @@ def test_elements_without_a_name_go_by_their_number(bench: Any) -> None:
     for effect in catalogue(model, [joint], [drive], []):
         effect.write(spec.copy(), effect.seeds[0])
     assert "body:body1" in {effect.target for effect in body_effects(model)}
+
+
+@pytest.mark.parametrize(
+    ("shape", "end"),
+    [
+        ('type="box" size=".2 .1 .15" pos=".2 0 -.12"', [0.2, 0.0, 0.0]),
+        ('type="box" size=".1 .2 .15" pos=".2 0 0" euler="0 0 90"', [0.2, 0.0, 0.0]),
+        ('type="ellipsoid" size=".1 .05 .3" pos="0 0 -.2"', [0.0, 0.0, -0.3]),
+        ('type="capsule" size=".05 .2" pos="0 0 -.2"', [0.0, 0.0, -0.2]),
+        ('type="sphere" size=".1" pos="0 0 -.2"', [0.0, 0.0, 0.0]),
+    ],
+)
+def test_a_body_ends_where_its_shape_does(shape: str, end: list[float]) -> None:
+    """The bucket of an excavator is a box: a load lies at its edge, not in its centre alone."""
+    body = f'<body name="bucket"><joint axis="0 1 0"/><geom mass="3" {shape}/></body>'
+    model = mujoco.MjModel.from_xml_string(f"<mujoco><worldbody>{body}</worldbody></mujoco>")
+    np.testing.assert_allclose(farthest_point(model, 1), end, atol=1e-9)
+    forms = {effect.variant for effect in body_effects(model) if effect.name == "payload_mass"}
+    assert ({"end", "along", "xz"} <= forms) == any(end)

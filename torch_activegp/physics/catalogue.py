@@ -7,6 +7,7 @@ from collections.abc import Mapping, Sequence
 
 import mujoco
 import numpy as np
+from scipy.spatial.transform import Rotation
 
 from torch_activegp.errors import ConfigurationError
 from torch_activegp.physics.actuation import ACTUATION, ActuatorEffect
@@ -140,10 +141,7 @@ def farthest_point(model: mujoco.MjModel, body: int) -> Array:
     for geom in range(model.ngeom):
         if model.geom_bodyid[geom] != body:
             continue
-        half = model.geom_size[geom, 1] if model.geom_type[geom] in _LONG else 0.0
-        axis = np.zeros(3)
-        mujoco.mju_rotVecQuat(axis, np.array([0.0, 0.0, half]), model.geom_quat[geom])
-        points += [model.geom_pos[geom] + axis, model.geom_pos[geom] - axis]
+        points += list(_ends(model, geom))
     if not points:
         return np.zeros(3)
     joint = model.body_jntadr[body]
@@ -153,3 +151,13 @@ def farthest_point(model: mujoco.MjModel, body: int) -> Array:
 
 
 _LONG = (int(mujoco.mjtGeom.mjGEOM_CAPSULE), int(mujoco.mjtGeom.mjGEOM_CYLINDER))
+_ROUND = int(mujoco.mjtGeom.mjGEOM_SPHERE)
+
+
+def _ends(model: mujoco.MjModel, geom: int) -> Array:
+    """Where a shape ends, in the body's frame, m, ``(n, 3)``: a rod on its axis, a box at its faces, a ball nowhere."""
+    kind, (centre, half) = int(model.geom_type[geom]), model.geom_aabb[geom].reshape(2, 3)
+    if kind in _LONG or kind == _ROUND:
+        centre, half = np.zeros(3), np.array([0.0, 0.0, model.geom_size[geom, 1] if kind in _LONG else 0.0])
+    ends = centre + np.concatenate([np.diag(half), -np.diag(half)])
+    return np.asarray(model.geom_pos[geom] + Rotation.from_quat(model.geom_quat[geom], scalar_first=True).apply(ends))
