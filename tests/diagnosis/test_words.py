@@ -65,7 +65,7 @@ def test_names_that_leave_much_more_than_noise_are_not_all(chi2, white, warned) 
 
 
 def test_what_the_simulator_has_too_much_of_is_not_left_out() -> None:
-    lighter = NamedEffect("payload_mass", "body:arm", "m", 0.3, 1.0, {"mass": Estimate(-0.2, "kg", (-0.3, -0.1))})
+    lighter = NamedEffect("payload_mass", "body:arm", "m", 0.3, 1.0, {}, too_much=True)
     text = sentence("named", [named("a", 0.5), lighter], ERROR)
     assert text.startswith(
         "The simulator leaves out a at joint:hip and has too much payload_mass at body:arm, explaining 80% of"

@@ -33,6 +33,11 @@ def test_degrees_are_refused_and_named(bench) -> None:
         check(bench, scaled(bench, 180 / np.pi))
 
 
+def test_where_motion_is_prescribed_nothing_is_said(bench) -> None:
+    channels = dataclasses.replace(bench.machine.channels, prescribed=bench.machine.channels)
+    check_units(bench.machine.model, channels, scaled(bench, 180 / np.pi))
+
+
 def test_what_noise_could_be_is_let_pass(bench) -> None:
     check(bench, scaled(bench, 180 / np.pi, noise=1e3))
     check(bench, [dataclasses.replace(run, time=100.0 * run.time) for run in scaled(bench, 1.0)])

@@ -47,6 +47,51 @@ def test_the_catalogue_holds_every_name(bench: Any) -> None:
     assert targets == {"joint", "actuator", "sensor", "body", "world"}
 
 
+def found_by_name(bench: Any, name: str, described: dict[str, float]) -> tuple[Effect, np.ndarray]:
+    """The form of an effect whose parameters are described by some names, and values that say so."""
+    for effect in effects(bench):
+        values = effect.seeds[0].copy()
+        if effect.name == name and set(described) <= set(effect.describe(values)):
+            for i, key in enumerate(effect.describe(values)):
+                values[i] = described.get(key, values[i])
+            if name == "stribeck_friction":  # it is described by its static level, and fitted by the excess
+                values[1] -= values[0]
+            return effect, values
+    raise AssertionError(f"no {name} with {sorted(described)}")
+
+
+@pytest.mark.parametrize(
+    ("name", "described", "too_much"),
+    [
+        ("viscous_friction", {"coefficient": -0.1}, True),
+        ("viscous_friction", {"coefficient": 0.1}, False),
+        ("coulomb_friction", {"level": -0.1}, True),
+        ("quadratic_drag", {"coefficient": -0.1}, True),
+        ("asymmetric_friction", {"positive": -0.1, "negative": -0.2}, True),
+        ("asymmetric_friction", {"positive_level": -0.1, "negative_level": 0.2}, False),
+        ("stribeck_friction", {"coulomb": -0.1, "static": 0.2}, False),
+        ("stribeck_friction", {"coulomb": -0.2, "static": -0.1}, True),
+        ("armature_error", {"armature": -0.1}, True),
+        ("payload_mass", {"mass": -0.1}, True),
+        ("payload_mass", {"mass": -0.1, "distance": 0.2}, True),
+        ("payload_mass", {"mass": 0.1, "distance": -0.2}, False),
+        ("actuator_bias", {"bias": -0.1}, False),
+    ],
+)
+def test_a_loss_below_nothing_is_too_much_in_the_simulator(
+    bench: Any, name: str, described: dict[str, float], too_much: bool
+) -> None:
+    effect, values = found_by_name(bench, name, described)
+    assert {key: effect.describe(values)[key] for key in described} == pytest.approx(described)
+    assert effect.too_much(values) is too_much
+
+
+def test_what_may_be_too_much_is_described(bench: Any) -> None:
+    """Every loss is the name of a parameter; otherwise nothing would be said."""
+    for effect in effects(bench):
+        assert effect.losses <= set(effect.describe(effect.seeds[0])), effect.key
+
+
 def test_a_users_class_is_tried_wherever_it_can_act(bench: Any) -> None:
     kinds = {
         "joint": type("Rub", (ViscousFriction,), {"name": "rub"}),

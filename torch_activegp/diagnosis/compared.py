@@ -7,7 +7,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from torch_activegp.diagnosis.fit import Fit, inside
+from torch_activegp.diagnosis.fit import Fit, inside, split
 from torch_activegp.diagnosis.runs import Array
 from torch_activegp.diagnosis.score import Score
 from torch_activegp.diagnosis.shooting import ROUNDS, Shooting
@@ -125,8 +125,7 @@ def _from_within(shooting: Shooting, selection: Selection, fit: Fit, far: float 
     if begin is None:
         return None
     _, flat, starts, design = begin
-    edges = np.cumsum([len(values) for values in fit.values])[:-1]
-    return shooting.fit([(fit.effects, tuple(np.split(flat, edges)))], starts, design=design)[0]
+    return shooting.fit([(fit.effects, split(fit.effects, flat))], starts, design=design)[0]
 
 
 def fitted(shooting: Shooting, selection: Selection, effects: Sequence[Effect], whole: Fit | None = None) -> Fit:
@@ -157,9 +156,7 @@ def without_each(selection: Selection, shooting: Shooting) -> list[tuple[Effect,
     smaller = []
     for effect, rest in rests.items():
         fit = selection.of(rest)
-        if fit is None or selection.within(fit) is not None:
-            sound = selection.add([fitted(shooting, selection, rest, best)])
-            fit = sound[0] if sound else None
-        if fit is not None:
-            smaller.append((effect, fit))
+        again = fitted(shooting, selection, rest, best)
+        if again is fit or selection.add([again]):
+            smaller.append((effect, again))
     return smaller

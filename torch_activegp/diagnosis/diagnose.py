@@ -198,6 +198,7 @@ def _remainder_note(outcome: Outcome | None) -> list[str]:
 def _named(explanation: Explanation, judgement: Judgement, held: dict[Any, bool | None]) -> tuple[NamedEffect, ...]:
     if judgement.verdict not in ("named", "tie"):
         return ()
+    values = dict(zip(judgement.fit.effects, judgement.fit.values, strict=True))
     return tuple(
         NamedEffect(
             effect.name,
@@ -208,6 +209,7 @@ def _named(explanation: Explanation, judgement: Judgement, held: dict[Any, bool 
             estimates(explanation.shooting, judgement.fit, effect),
             ties,
             held.get(effect, False),
+            effect.too_much(values[effect]),
         )
         for effect, share, probability, ties in zip(
             judgement.named, judgement.shares, judgement.probabilities, judgement.ties, strict=True

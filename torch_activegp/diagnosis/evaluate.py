@@ -12,8 +12,9 @@ from torch_activegp.diagnosis.blackbox import check_clock, check_recordings
 from torch_activegp.diagnosis.blackbox_engine import BlackBoxEngine
 from torch_activegp.diagnosis.engine import NOMINAL, Engine, begin_drives, substeps_for
 from torch_activegp.diagnosis.forecast import compare
+from torch_activegp.diagnosis.machine import recording_notes
 from torch_activegp.diagnosis.noise_floor import noise_floor
-from torch_activegp.diagnosis.runs import Channels, input_addresses, make_run
+from torch_activegp.diagnosis.runs import Channels, make_run
 from torch_activegp.diagnosis.source import read_source
 from torch_activegp.diagnosis.wrong_units import check_units
 from torch_activegp.errors import DataError
@@ -43,9 +44,8 @@ def evaluate(model: object, recordings: Sequence[Recording], nthread: int = 0) -
     source = read_source(model)
     channels = Channels.of(source.model, recordings)
     runs = [make_run(recording, source.model, channels) for recording in recordings]
-    if source.box is None and channels.prescribed is None:
-        check_units(source.model, channels, runs)
     if source.box is None:
+        check_units(source.model, channels, runs)
         engine = Engine(source.model, channels, substeps_for(source.model, runs), nthread)
         begin_drives([engine], runs)
     else:
@@ -63,9 +63,4 @@ def _notes(model: mujoco.MjModel, channels: Channels, recordings: Sequence[Recor
     if channels.prescribed is not None:
         joints = ", ".join(channels.prescribed.joints)
         notes.append(f"Prescribed: {joints}. Simulations follow the recorded motion there; it is not scored.")
-    for recording in recordings:
-        notes += [f"{recording.label}: {note}" for note in recording.notes]
-        missing = [f"ctrl.{name}" for name in input_addresses(model) if name not in recording.actuators]
-        if missing:
-            notes.append(f"{recording.label}: no {', '.join(missing)}; taken as 0.")
-    return notes
+    return [*notes, *recording_notes(model, recordings)]

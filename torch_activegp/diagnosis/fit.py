@@ -88,6 +88,12 @@ def inside(
     return below.chi2, np.concatenate(flat), below.starts, below.design
 
 
+def split(effects: Sequence[Effect], flat: Array) -> tuple[Array, ...]:
+    """The parameters of each effect, from those of all in a row ``(P,)``."""
+    edges = np.cumsum([len(effect.parameters) for effect in effects])[:-1]
+    return tuple(np.split(flat, edges)) if len(effects) else ()
+
+
 def difference_steps(effects: Sequence[Effect], flat: Array) -> Array:
     """Small changes of the parameters of some effects, all in a row, for finite differences, ``(P,)``."""
     parameters = [parameter for effect in effects for parameter in effect.parameters]

@@ -9,7 +9,7 @@ import numpy as np
 
 from torch_activegp.diagnosis.elimination import bounded_step, eliminate
 from torch_activegp.diagnosis.engine import Candidate
-from torch_activegp.diagnosis.fit import Fit, difference_steps, inside
+from torch_activegp.diagnosis.fit import Fit, difference_steps, inside, split
 from torch_activegp.diagnosis.runs import Array
 from torch_activegp.diagnosis.segments import Segments
 from torch_activegp.physics.effect import Effect
@@ -102,15 +102,11 @@ class Problem:
         self._predicted = 0.0
         self._age = 0 if design is None else 1
         self._stale = design is not None
-        self._lengths = [len(e.parameters) for e in effects]
 
     @property
     def chi2(self) -> float:
         """The least chi2 so far."""
         return np.inf if self._best is None else float(self._best["chi2"])
-
-    def _values(self, flat: Array) -> tuple[Array, ...]:
-        return tuple(np.split(flat, np.cumsum(self._lengths)[:-1])) if self._lengths else ()
 
     @property
     def _still(self) -> bool:
@@ -124,7 +120,7 @@ class Problem:
         """
         self._known = False
         flat, starts = self._trial, self._trial_starts
-        base = Candidate(self.effects, self._values(flat))
+        base = Candidate(self.effects, split(self.effects, flat))
         if self._design is not None and self._still:
             self._columns = np.zeros((*self._design.shape[:2], 0))
         if self._design is not None and self._columns is not None:
@@ -138,7 +134,7 @@ class Problem:
         for i in range(len(self._steps)):
             moved = flat.copy()
             moved[i] += self._steps[i]
-            candidates.append(Candidate(self.effects, self._values(moved)))
+            candidates.append(Candidate(self.effects, split(self.effects, moved)))
         at = self._best
         self._known = at is not None and flat is at["flat"] and starts is at["starts"] and len(candidates) > 1
         return candidates[self._known :], states[self._known :]
@@ -276,7 +272,7 @@ class Problem:
         linear = self._linear
         return Fit(
             self.effects,
-            self._values(np.asarray(self._best["flat"])),
+            split(self.effects, np.asarray(self._best["flat"])),
             np.asarray(self._best["starts"]),
             float(self._best["chi2"]),
             np.asarray(self._best["per_segment"]),

@@ -11,7 +11,7 @@ from scipy import stats
 from torch_activegp.diagnosis.compared import Selection, fitted
 from torch_activegp.diagnosis.elimination import eliminate
 from torch_activegp.diagnosis.fit import Fit
-from torch_activegp.diagnosis.proposals import TWO_SIDED
+from torch_activegp.diagnosis.merging import TWO_SIDED
 from torch_activegp.diagnosis.reference import free_force_columns
 from torch_activegp.diagnosis.score import TIE
 from torch_activegp.diagnosis.selection import MAX_EFFECTS

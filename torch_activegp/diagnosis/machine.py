@@ -61,18 +61,13 @@ def make_machine(
     channels = Channels.of(model, [*recordings, *holdout])
     notes: list[str] = []
     recordings, holdout = _long_enough(recordings, notes), _long_enough(holdout, notes)
-    inputs = input_addresses(model)
     if channels.prescribed is not None:
         notes.append(_prescribed(channels.prescribed))
-    for recording in [*recordings, *holdout]:
-        notes += [f"{recording.label}: {note}" for note in recording.notes]
-        missing = [f"ctrl.{name}" for name in inputs if name not in recording.actuators]
-        if missing:
-            notes.append(f"{recording.label}: no {', '.join(missing)}; taken as 0.")
+    notes += recording_notes(model, [*recordings, *holdout])
     fit = [make_run(recording, model, channels) for recording in recordings]
     kept = [make_run(recording, model, channels) for recording in holdout]
     _refuse_constant(fit, channels)
-    if box is None and channels.prescribed is None:
+    if box is None:
         check_units(model, channels, fit)
         check_units(model, channels, kept)
     if box is not None:
@@ -84,6 +79,17 @@ def make_machine(
         fit, kept, note = _set_aside(fit)
         notes.append(note)
     return Machine(model, channels, tuple(fit), tuple(kept), tuple(dict.fromkeys(notes)), box)
+
+
+def recording_notes(model: mujoco.MjModel, recordings: Sequence[Recording]) -> list[str]:
+    """What was read from each recording and what it lacks, in sentences."""
+    notes = []
+    for recording in recordings:
+        notes += [f"{recording.label}: {note}" for note in recording.notes]
+        missing = [f"ctrl.{name}" for name in input_addresses(model) if name not in recording.actuators]
+        if missing:
+            notes.append(f"{recording.label}: no {', '.join(missing)}; taken as 0.")
+    return notes
 
 
 def _prescribed(joints: Channels) -> str:

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from torch_activegp.diagnosis.candidate import Candidate
 from torch_activegp.diagnosis.elimination import bounded_step, eliminate
-from torch_activegp.diagnosis.fit import Fit, difference_steps
+from torch_activegp.diagnosis.fit import Fit, difference_steps, split
 from torch_activegp.diagnosis.runs import Array
 from torch_activegp.diagnosis.shooting import Shooting
 
@@ -76,8 +76,7 @@ def _settle(shooting: Shooting, fit: Fit, parts: Sequence[_Part]) -> None:
 
 
 def _at(fit: Fit, flat: Array) -> Candidate:
-    edges = np.cumsum([len(values) for values in fit.values])[:-1]
-    return Candidate(fit.effects, tuple(np.split(flat, edges)))
+    return Candidate(fit.effects, split(fit.effects, flat))
 
 
 def _derivatives(shooting: Shooting, fit: Fit) -> tuple[Array, Array]:

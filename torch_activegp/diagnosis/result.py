@@ -15,16 +15,6 @@ from torch_activegp.files import written_whole
 SCHEMA_VERSION = 1
 _OWN = ("diagnosis.json", "evidence.json", "corrected.xml", "next.csv", "remainder.pt")
 """The files of a diagnosis; which of the last three there are depends on what was found."""
-_LOSSES = {
-    "viscous_friction": ("coefficient",),
-    "coulomb_friction": ("level",),
-    "quadratic_drag": ("coefficient",),
-    "asymmetric_friction": ("positive", "negative", "positive_level", "negative_level"),
-    "stribeck_friction": ("coulomb", "static"),
-    "armature_error": ("armature",),
-    "payload_mass": ("mass",),
-}
-"""Amplitudes of what a machine has or has not, so that less than nothing is too much in the simulator."""
 
 
 @dataclasses.dataclass(frozen=True)
@@ -60,6 +50,7 @@ class NamedEffect:
         parameters: by name.
         ties: other (name, target) pairs that the recordings cannot tell from it.
         mjcf: whether ``corrected.xml`` holds it; None where the simulator is none in MJCF.
+        too_much: whether the simulator has too much of it, rather than too little.
     """
 
     name: str
@@ -70,12 +61,7 @@ class NamedEffect:
     parameters: Mapping[str, Estimate]
     ties: tuple[tuple[str, str], ...] = ()
     mjcf: bool | None = False
-
-    @property
-    def too_much(self) -> bool:
-        """Whether the simulator has too much of it, rather than too little: every amplitude of a loss is negative."""
-        amplitudes = [self.parameters[name].value for name in _LOSSES.get(self.name, ()) if name in self.parameters]
-        return bool(amplitudes) and max(amplitudes) < 0.0
+    too_much: bool = False
 
     def to_dict(self) -> dict[str, Any]:
         """The entry of ``diagnosis.json``."""

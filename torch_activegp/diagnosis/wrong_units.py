@@ -43,7 +43,8 @@ def check_units(model: mujoco.MjModel, channels: Channels, runs: Sequence[Run]) 
     """Refuses positions that need many times the forces that the model has, and would not in another unit.
 
     A motion in degrees that is read as radians is 57 times as large, and so is what it takes to accelerate it. What a
-    model leaves out is seldom more than all that it has.
+    model leaves out is seldom more than all that it has. Where the motion of some joints is prescribed, nothing is
+    said: what holds them is no force of the model.
 
     Args:
         model: nominal.
@@ -53,7 +54,7 @@ def check_units(model: mujoco.MjModel, channels: Channels, runs: Sequence[Run]) 
     Raises:
         DataError: some joints seem to be recorded in another unit.
     """
-    motion = _motion(runs)
+    motion = None if channels.prescribed is not None else _motion(runs)
     if motion is None:
         return
     missing, there = _forces(model, channels, motion, np.ones(len(channels.joints)))

@@ -158,6 +158,6 @@ def _ends(model: mujoco.MjModel, geom: int) -> Array:
     """Where a shape ends, in the body's frame, m, ``(n, 3)``: a rod on its axis, a box at its faces, a ball nowhere."""
     kind, (centre, half) = int(model.geom_type[geom]), model.geom_aabb[geom].reshape(2, 3)
     if kind in _LONG or kind == _ROUND:
-        centre, half = np.zeros(3), np.array([0.0, 0.0, model.geom_size[geom, 1] if kind in _LONG else 0.0])
+        half = np.array([0.0, 0.0, model.geom_size[geom, 1] if kind in _LONG else 0.0])
     ends = centre + np.concatenate([np.diag(half), -np.diag(half)])
     return np.asarray(model.geom_pos[geom] + Rotation.from_quat(model.geom_quat[geom], scalar_first=True).apply(ends))

@@ -19,6 +19,7 @@ class ViscousFriction(JointEffect):
 
     name = "viscous_friction"
     law = "-c v"
+    losses = frozenset({"coefficient"})
     needs_steps = False
 
     @classmethod
@@ -49,6 +50,7 @@ class QuadraticDrag(JointEffect):
 
     name = "quadratic_drag"
     law = "-c v |v|"
+    losses = frozenset({"coefficient"})
     needs_steps = False
 
     @classmethod
@@ -79,6 +81,7 @@ class AsymmetricFriction(JointEffect):
 
     name = "asymmetric_friction"
     law = "-c+ v for v > 0, -c- v for v < 0"
+    losses = frozenset({"positive", "negative"})
     covers = ("viscous_friction",)
 
     @classmethod

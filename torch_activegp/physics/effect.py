@@ -112,6 +112,8 @@ class Effect:
     """Names of effects on the same target that this one contains."""
     never_negative: ClassVar[frozenset[str]] = frozenset()
     """Described parameters of which no machine has less than none; their intervals say so."""
+    losses: ClassVar[frozenset[str]] = frozenset()
+    """Described amplitudes of what a machine has or has not: where all are negative, the simulator has too much."""
 
     @classmethod
     def at(cls, place: Place, model: mujoco.MjModel) -> Self:
@@ -216,6 +218,11 @@ class Effect:
     def describe(self, values: Array) -> dict[str, float]:
         """The parameters by name."""
         return {parameter.name: float(value) for parameter, value in zip(self.parameters, values, strict=True)}
+
+    def too_much(self, values: Array) -> bool:
+        """Whether values ``(P,)`` say that the simulator has too much of this, rather than too little."""
+        amplitudes = [value for name, value in self.describe(values).items() if name in self.losses]
+        return bool(amplitudes) and max(amplitudes) < 0.0
 
 
 @dataclasses.dataclass(frozen=True)

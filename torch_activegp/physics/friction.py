@@ -58,6 +58,7 @@ class CoulombFriction(DryFriction):
 
     name = "coulomb_friction"
     law = "-F sign(v), with sticking"
+    losses = frozenset({"level"})
     needs_steps = False
 
     @classmethod
@@ -103,6 +104,7 @@ class StribeckFriction(DryFriction):
     name = "stribeck_friction"
     never_negative = frozenset({"static", "velocity"})
     law = "-(F + (S - F) exp(-(v/w)^2)) sign(v), with sticking"
+    losses = frozenset({"coulomb", "static"})
     covers = ("coulomb_friction",)
 
     @classmethod
@@ -169,6 +171,7 @@ class AsymmetricCoulomb(DryFriction):
 
     name = "asymmetric_friction"
     law = "-F+ for v > 0, +F- for v < 0, with sticking"
+    losses = frozenset({"positive_level", "negative_level"})
     covers = ("coulomb_friction",)
 
     @classmethod

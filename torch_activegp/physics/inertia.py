@@ -19,6 +19,7 @@ class ArmatureError(JointEffect):
 
     name = "armature_error"
     law = "-J a"
+    losses = frozenset({"armature"})
     needs_steps = False
 
     @classmethod

@@ -24,6 +24,7 @@ class PayloadMass(BodyEffect):
 
     name = "payload_mass"
     law = "a point mass m on the body"
+    losses = frozenset({"mass"})
 
     @classmethod
     def at(
@@ -172,6 +173,7 @@ class DensityError(BodyEffect):
 
     name = "payload_mass"
     law = "the body's mass and inertia grow together"
+    losses = frozenset({"mass"})
 
     @classmethod
     def at(cls, place: Place, model: mujoco.MjModel) -> Self:
