@@ -30,6 +30,10 @@ def test_the_forms_of_a_model(bench) -> None:
     assert (made.coarse.model.opt.integrator, made.coarse.substeps) == (EULER, 2)
     assert made.late is not None
     assert (made.late.late, made.late.substeps) == (True, 2)
+    assert made.finest is not None
+    assert (made.finest.late, made.finest.substeps) == (True, 20)
+    assert made.quick is not None
+    assert (made.quick.late, made.quick.substeps) == (True, 8)
     made = Numerics.of(machine(bench, "RK4", 0.005), 1)
     assert made.coarse.model.opt.integrator == FAST
     assert made.fine is made.given
@@ -89,5 +93,5 @@ def test_firm_friction_is_as_firm_as_that_of_short_steps(clean) -> None:
     """Whatever the model's own time step."""
     firm = Numerics.of(machine(clean, "Euler", 0.01, 'frictionloss="0.6"'), 1).firm
     assert firm is not None
-    assert firm.model.dof_solref[0, 0] == pytest.approx(0.001)
-    assert firm.substeps == 20
+    assert firm.model.dof_solref[0, 0] == pytest.approx(0.0005)
+    assert (firm.substeps, firm.late) == (40, True)

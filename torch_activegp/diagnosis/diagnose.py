@@ -113,7 +113,7 @@ def _report(
     if explanation.fine:
         step = median_step(machine.fit)
         engine = explanation.engine
-        numerics = Form(engine.model.opt.integrator, step / engine.substeps, explanation.firm)
+        numerics = Form(engine.integrator, step / engine.substeps, explanation.firm)
     xml, held, difference = corrected_xml(source.spec, chosen.effects, chosen.values, numerics)
     corrected = simulator_with(source, machine.channels, chosen.candidate, xml if all(held) else None, numerics)
     learned = None

@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 from torch_activegp.diagnosis.candidate import NOMINAL, Candidate, grouped
 from torch_activegp.diagnosis.controls import Controls, Inputs
 from torch_activegp.diagnosis.hermite import position_between, velocity_between
+from torch_activegp.diagnosis.leapfrog import halve_damping
 from torch_activegp.diagnosis.own_filters import own_filters, without_filters
 from torch_activegp.diagnosis.prescribed_motion import PrescribedMotion, make_heavy
 from torch_activegp.diagnosis.readings import readings
@@ -33,6 +34,7 @@ _FEW = 64
 _MAX_BYTES = 60_000_000
 _Disable = mujoco.mjtDisableBit
 _RUNGE_KUTTA = mujoco.mjtIntegrator.mjINT_RK4
+_IMPLICIT = int(mujoco.mjtIntegrator.mjINT_IMPLICITFAST)
 
 
 class Engine:
@@ -46,9 +48,10 @@ class Engine:
         integrator: one of ``mujoco.mjtIntegrator`` in place of the model's own; filters of its drives then act exactly,
             and not as MuJoCo steps them.
         stride: rows in each time step, where rows come faster than the motion needs; takes one substep.
-        late: controls and forces come half a time step later. Semi-implicit Euler with a velocity that belongs to the
-            middle between two positions is the leapfrog scheme, of second order; half a step of the initial velocity is
-            free anyhow where it is fitted, and half a step of the control is not.
+        late: controls and forces come half a time step later, and damping acts by the trapezoidal rule
+            (:mod:`torch_activegp.diagnosis.leapfrog`). Semi-implicit Euler with a velocity that belongs to the middle
+            between two positions is the leapfrog scheme, of second order, at one evaluation a step; half a step of the
+            initial velocity is free anyhow where it is fitted, and half a step of the control is not.
         contacts: whether bodies may touch, the search for which takes a fifth of a small model's time.
     """
 
@@ -64,6 +67,7 @@ class Engine:
         contacts: bool = True,
     ) -> None:
         self.model = copy.copy(model)
+        integrator = _IMPLICIT if late else integrator
         if not contacts:
             self.model.opt.disableflags |= int(_Disable.mjDSBL_CONTACT)
         self.model.opt.disableflags |= int(_Disable.mjDSBL_CLAMPCTRL)  # runs hold what the limits let pass
@@ -84,6 +88,11 @@ class Engine:
         self.work = 0.0
         """Time steps that it has computed; those of Runge-Kutta count four times."""
         self._fields: dict[bool, _Fields] = {}
+
+    @property
+    def integrator(self) -> int:
+        """The one of MuJoCo's that comes closest in the same time step."""
+        return int(_RUNGE_KUTTA if self.late else self.model.opt.integrator)
 
     @property
     def state_size(self) -> int:
@@ -139,7 +148,10 @@ class Engine:
         fields = self._fields_for(rows, few=rows <= _FEW and (halting or self.channels.prescribed is not None))
         batch = fields.batch
         fields("opt.timestep")[:rows] = np.median(segments.dt) / self.substeps
-        acting, steady = self._acting(segments, candidates, fields)
+        acting, steady, derived = self._acting(segments, candidates, fields)
+        if self.late:
+            halve_damping(self.model, fields, rows)
+        fields.derive(derived)
         controls = Controls(segments, candidates, self.substeps, model.nu, self.filters if self._exact else ())
         inputs = Inputs(segments, candidates, controls, self.substeps, self.stride, self.late, steady)
         batch.state[:rows] = self._reset_row
@@ -164,8 +176,10 @@ class Engine:
         fields.restore(model)
         return states.reshape(count, size, intervals + 1, self.state_size)
 
-    def _acting(self, segments: Segments, candidates: Sequence[Candidate], fields: _Fields) -> tuple[list[Act], Array]:
-        """Edits the models, with the constants that follow; returns what acts in every step, and what always does."""
+    def _acting(
+        self, segments: Segments, candidates: Sequence[Candidate], fields: _Fields
+    ) -> tuple[list[Act], Array, NDArray[np.bool_]]:
+        """Edits the models; returns what acts in every step, what always does, and whose constants must follow."""
         size, derived = segments.size, np.zeros(len(candidates), dtype=bool)
         starts = np.stack([segments.run, segments.first], axis=1)
         steady = np.zeros((len(candidates) * size, self.model.nv))
@@ -182,8 +196,7 @@ class Engine:
                     if positions is not None:
                         memory = effect.memory(positions, np.tile(starts, (len(which), 1)), repeated)
                 acting.append(before_steps(effect, rows, repeated, memory))
-        fields.derive(np.repeat(derived, size))
-        return acting, steady
+        return acting, steady, np.repeat(derived, size)
 
     def _following(self, segments: Segments, lengths: Array, starts: Array) -> list[Act]:
         """What moves the prescribed joints, where there are any, in substeps of given lengths ``(S, K)``, s."""
