@@ -3,7 +3,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from torch_activegp.diagnosis.gauss_newton import Problem, give_up
+from torch_activegp.diagnosis.gauss_newton import Problem
 
 
 class Steps:
@@ -47,18 +47,6 @@ def test_held_parameters_leave_the_states_free(line) -> None:
     fit = line(5.0, hold=True).result()
     assert fit.values[0][0] == 5.0
     assert fit.starts[0, 0] == pytest.approx(0.7 - (5.0 - 0.3) * 0.5, abs=1e-3)
-
-
-def test_those_far_behind_give_up_and_the_best_three_go_on() -> None:
-    class Racer:
-        finished = False
-
-        def __init__(self, chi2: float) -> None:
-            self.chi2 = chi2
-
-    racers = [Racer(chi2) for chi2 in (99.0, 10.0, 5000.0, 30.0, 50.0, 69.0)]
-    give_up(racers)
-    assert [racer.finished for racer in racers] == [True, False, True, False, False, False]
 
 
 def test_a_segment_that_is_far_off_begins_again_from_the_recording(bench) -> None:

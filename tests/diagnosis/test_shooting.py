@@ -6,7 +6,7 @@ import mujoco
 import numpy as np
 import pytest
 
-from torch_activegp.diagnosis.engine import Engine
+from torch_activegp.diagnosis.engine import Candidate, Engine
 from torch_activegp.diagnosis.shooting import Shooting
 
 
@@ -119,3 +119,18 @@ def test_a_first_guess_that_makes_it_worse_is_left_for_the_smaller_set(bench) ->
     (led,) = bench.shooting.fit(some, below.starts, design=below.design, rounds=8)
     (left,) = bench.shooting.fit(some, below.starts, design=below.design, rounds=8, below=below)
     assert left.chi2 <= below.chi2 < led.chi2
+
+
+def test_a_joint_that_sticks_and_slips_lets_parameters_go_far(clean) -> None:
+    """A step of the parameters is judged once the states have followed: what stuck before it slips after it."""
+    effect, values = clean.effect("stribeck_friction"), np.array([0.5, 0.3, 0.4])
+    engine = Engine(clean.machine.model, clean.engine.channels, 8, 1, late=True)
+    truth = engine.predict(clean.segments, clean.nominal.starts[None], [Candidate((effect,), (values,))])[0][0]
+    noise = clean.noise * np.random.default_rng(0).normal(size=truth.shape)
+    segments = dataclasses.replace(clean.segments, position=truth + noise)
+    shooting = Shooting(engine, segments, clean.shooting.noise)
+    nominal = shooting.fit([((), ())], engine.starts(segments), rounds=6)[0]
+    fit = shooting.fit([((effect,), (np.array([0.75, 0.09, 0.5]),))], nominal.starts, design=nominal.design)[0]
+    assert nominal.chi2 > 100 * shooting.dof
+    assert fit.chi2 < 2 * shooting.dof
+    assert fit.values[0][0] == pytest.approx(0.5, rel=0.02)

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from torch_activegp.diagnosis.fit import Fit
-from torch_activegp.diagnosis.gauss_newton import total
+from torch_activegp.diagnosis.point import total
 from torch_activegp.diagnosis.runs import Array
 from torch_activegp.diagnosis.shooting import Shooting
 

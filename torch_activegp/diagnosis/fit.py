@@ -94,6 +94,12 @@ def split(effects: Sequence[Effect], flat: Array) -> tuple[Array, ...]:
     return tuple(np.split(flat, edges)) if len(effects) else ()
 
 
+def bounds(effects: Sequence[Effect]) -> tuple[Array, Array]:
+    """Least and largest values of the parameters of some effects, all in a row, ``(P,)`` each."""
+    parameters = [parameter for effect in effects for parameter in effect.parameters]
+    return np.array([p.low for p in parameters], dtype=float), np.array([p.high for p in parameters], dtype=float)
+
+
 def difference_steps(effects: Sequence[Effect], flat: Array) -> Array:
     """Small changes of the parameters of some effects, all in a row, for finite differences, ``(P,)``."""
     parameters = [parameter for effect in effects for parameter in effect.parameters]

@@ -2,20 +2,18 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from typing import Protocol
+from typing import Any
 
 import numpy as np
 
 from torch_activegp.diagnosis.elimination import bounded_step, eliminate
 from torch_activegp.diagnosis.engine import Candidate
-from torch_activegp.diagnosis.fit import Fit, difference_steps, inside, split
+from torch_activegp.diagnosis.fit import Fit, bounds, difference_steps, inside, split
+from torch_activegp.diagnosis.point import FAILED, Likelihood, Point, total
 from torch_activegp.diagnosis.runs import Array
-from torch_activegp.diagnosis.segments import Segments
 from torch_activegp.physics.effect import Effect
 
 _FIRST_DAMPING = 1e-6
-_RACERS = 3
 _MUCH = 0.02
 _LITTLE = 0.05
 _HOPE = 0.01
@@ -23,40 +21,6 @@ SETTLE = 4
 _STOPPED = 0.02
 _STALE = 2
 """Steps with old derivatives by the states, before new ones where the last step still changed much."""
-_FAILED = 1e30
-"""Stands for the chi2 of a segment whose simulation failed."""
-
-
-class Likelihood(Protocol):
-    """What a problem needs of the likelihood."""
-
-    @property
-    def segments(self) -> Segments:
-        """The segments."""
-        ...
-
-    def state_columns(self, starts: Array) -> Array:
-        """Perturbations of the initial states worth trying, ``(n,)``."""
-        ...
-
-    def state_reach(self) -> Array:
-        """How far an initial state may sensibly move in one step, ``(n,)``."""
-        ...
-
-
-def give_up(problems: Sequence[Problem]) -> None:
-    """Ends the fits that stay far behind: not among the best three, and not close to the best."""
-    order = sorted(problems, key=lambda p: p.chi2)
-    best, worst = order[0].chi2, max((p.chi2 for p in order if np.isfinite(p.chi2)), default=np.inf)
-    for problem in order[_RACERS:]:
-        if np.isfinite(problem.chi2) and problem.chi2 > best + max(60.0, min(0.1 * (worst - best), 4.0 * best)):
-            problem.finished = True
-
-
-def total(per_segment: Array) -> float:
-    """The chi2 of all segments, infinite where a simulation failed."""
-    chi2 = float(per_segment.sum())
-    return chi2 if chi2 < _FAILED else np.inf
 
 
 class Problem:
@@ -85,11 +49,10 @@ class Problem:
         self.finished = False
         self._trial = np.concatenate([np.asarray(v, dtype=float) for v in values]) if values else np.zeros(0)
         self._trial_starts = starts.copy()
-        self._low = np.array([p.low for e in effects for p in e.parameters])
-        self._high = np.array([p.high for e in effects for p in e.parameters])
+        self._low, self._high = bounds(effects)
         self._trial = np.clip(self._trial, self._low, self._high)
         self._damping = _FIRST_DAMPING
-        self._best: dict[str, Array | float] | None = None
+        self._best: Point | None = None
         self._design = design
         self._hold = hold or not len(self._trial)
         self._settling = 0 if self._hold or design is None else SETTLE
@@ -99,6 +62,7 @@ class Problem:
         self._steps = np.zeros(0)
         self._raw = np.zeros(0)
         self._known = False
+        self._kept: dict[str, Any] | None = None
         self._predicted = 0.0
         self._age = 0 if design is None else 1
         self._stale = design is not None
@@ -106,7 +70,8 @@ class Problem:
     @property
     def chi2(self) -> float:
         """The least chi2 so far."""
-        return np.inf if self._best is None else float(self._best["chi2"])
+        points = [self._best, self._kept["_best"] if self._kept else None]
+        return min((point.chi2 for point in points if point is not None), default=np.inf)
 
     @property
     def _still(self) -> bool:
@@ -136,7 +101,7 @@ class Problem:
             moved[i] += self._steps[i]
             candidates.append(Candidate(self.effects, split(self.effects, moved)))
         at = self._best
-        self._known = at is not None and flat is at["flat"] and starts is at["starts"] and len(candidates) > 1
+        self._known = at is not None and flat is at.flat and starts is at.starts and len(candidates) > 1
         return candidates[self._known :], states[self._known :]
 
     def tell(self, white: Array, last: bool) -> None:
@@ -144,12 +109,12 @@ class Problem:
         if self._known:
             white = np.concatenate([self._raw[None], white])
         residual = white[0]
-        per_segment = np.nan_to_num((residual**2).sum(-1), nan=_FAILED, posinf=_FAILED)
+        per_segment = np.nan_to_num((residual**2).sum(-1), nan=FAILED, posinf=FAILED)
         chi2 = total(per_segment)
         if self._best is not None and len(white) == 1 and self._still:
             self._each_for_itself(residual, per_segment, last)
         elif self._best is not None and len(white) == 1 and self._columns is not None and not chi2 < self.chi2:
-            self._worse(per_segment, last)
+            self._worse(residual, per_segment, last)
         else:
             if len(white) > 1 or self._columns is None:
                 self._take_derivatives(white)
@@ -164,22 +129,25 @@ class Problem:
         """First the states alone, so that what is not smooth does not refuse every step of the parameters."""
         if not self._settling:
             return
-        self._settling = 0 if self.finished else self._settling - 1
-        if self._settling or last:
+        self._settling = 0 if self.finished or last else self._settling - 1
+        if self._settling or (last and self._kept is None):
             return
         assert self._best is not None
+        if self._kept is not None:
+            self._end_of_detour()
+            return
         self.finished, self._columns, self._damping = False, None, _FIRST_DAMPING
         if self._below is not None and self.chi2 > self._below[0]:  # a first guess that makes it worse misleads
             _, self._trial, self._trial_starts, self._design = self._below
             self._best, self._below, self._brake[:] = None, None, 1.0
             return
-        self._trial, self._trial_starts = np.asarray(self._best["flat"]), np.asarray(self._best["starts"])
+        self._trial, self._trial_starts = self._best.flat, self._best.starts
 
     def _better(self, residual: Array, per_segment: Array, fresh: bool, last: bool) -> None:
         """Takes a step that helped, or the point where the derivatives were taken."""
-        old, chi2 = self.chi2, total(per_segment)
+        old, chi2 = np.inf if self._best is None else self._best.chi2, total(per_segment)
         if chi2 <= old:
-            self._best = {"chi2": chi2, "flat": self._trial, "starts": self._trial_starts, "per_segment": per_segment}
+            self._best = Point(self._trial, self._trial_starts, per_segment)
             self._raw = residual
         assert self._design is not None and self._columns is not None
         self._linear = eliminate(self._design, self._columns, np.nan_to_num(residual))
@@ -199,13 +167,13 @@ class Problem:
     def _each_for_itself(self, residual: Array, per_segment: Array, last: bool) -> None:
         """Without free parameters every segment takes its own step, or a shorter one."""
         assert self._best is not None and self._design is not None and self._columns is not None
-        old = np.asarray(self._best["per_segment"])
+        old = self._best.per_segment
         better = per_segment < old
-        starts = np.where(better[:, None], self._trial_starts, np.asarray(self._best["starts"]))
+        starts = np.where(better[:, None], self._trial_starts, self._best.starts)
         level = np.where(better, per_segment, old)
         self._raw = np.where(better[:, None], residual, self._raw)
         fell = float((old - level).sum())
-        self._best = {"chi2": total(level), "flat": self._trial, "starts": starts, "per_segment": level}
+        self._best = Point(self._trial, starts, level)
         self._linear = eliminate(self._design, self._columns, np.nan_to_num(self._raw))
         self._brake = np.where(better, np.minimum(2.0 * self._brake, 1.0), 0.3 * self._brake)
         self._age += 1
@@ -230,27 +198,64 @@ class Problem:
             self._age, self._stale = 0, False
         self._columns = np.nan_to_num(-(white[1 + n :] - residual) / self._steps[:, None, None]).transpose(1, 2, 0)
 
-    def _worse(self, per_segment: Array, last: bool) -> None:
+    def _detour(self, residual: Array, per_segment: Array) -> None:
+        """Lets the states follow a step that did not help before it is refused: what stuck before may slip now."""
+        assert self._best is not None and self._design is not None and self._smooth is not None
+        names = ("_best", "_raw", "_linear", "_design", "_columns", "_damping", "_age", "_stale", "_predicted")
+        self._kept = {name: getattr(self, name) for name in names}
+        worse = per_segment > self._best.per_segment + _LITTLE
+        self._best, self._raw = Point(self._trial, self._trial_starts, per_segment), residual
+        self._columns, self._settling = self._design[..., :0], SETTLE
+        self._linear = eliminate(self._design, self._columns, np.nan_to_num(residual))
+        self._brake[:] = 1.0
+        self._propose()
+        self.finished = False
+        self._trial_starts = np.where(worse[:, None], self._smooth, self._trial_starts)
+
+    def _end_of_detour(self) -> None:
+        """Goes on from where the states have followed, or back to where they came from."""
+        assert self._best is not None and self._kept is not None
+        kept, self._kept = self._kept, None
+        self.finished = False
+        self._brake[:] = 1.0
+        if self._best.chi2 < kept["_best"].chi2:
+            design = kept["_design"] if self._design is None else self._design
+            self._linear = eliminate(design, kept["_columns"], np.nan_to_num(self._raw))
+            self._columns = None  # anew, where there is a next time
+            self._trial, self._trial_starts = self._best.flat, self._best.starts
+            return
+        for name, value in kept.items():
+            setattr(self, name, value)
+        self._shorten()
+
+    def _worse(self, residual: Array, per_segment: Array, last: bool) -> None:
         """A step that did not help: blame single segments, then old derivatives, then the length of the step."""
         assert self._best is not None
-        bad = (per_segment > np.asarray(self._best["per_segment"]) + _LITTLE) & (self._brake > _STOPPED)
+        bad = (per_segment > self._best.per_segment + _LITTLE) & (self._brake > _STOPPED)
         if 0 < bad.sum() < 0.5 * len(bad) and not last:
             self._brake[bad] *= 0.1
             self._propose()
             return
         if self._age and not last:
             self._design = self._columns = None
-            self._trial, self._trial_starts = np.asarray(self._best["flat"]), np.asarray(self._best["starts"])
+            self._trial, self._trial_starts = self._best.flat, self._best.starts
             return
+        if self._smooth is not None and not last and self._predicted > _HOPE * self.chi2:
+            self._detour(residual, per_segment)
+            return
+        self._shorten()
+        self.finished |= last
+
+    def _shorten(self) -> None:
         self._damping = max(10.0 * self._damping, 0.5)
         hopeful = self._predicted > _HOPE * self.chi2
-        self.finished = self._damping > (1e3 if hopeful else 10.0) or last
+        self.finished = self._damping > (1e3 if hopeful else 10.0)
         if not self.finished:
             self._propose()
 
     def _propose(self) -> None:
         assert self._best is not None
-        flat, starts = np.asarray(self._best["flat"]), np.asarray(self._best["starts"])
+        flat, starts = self._best.flat, self._best.starts
         eliminated = self._linear
         delta = np.zeros(len(flat))
         if not self._still:
@@ -268,14 +273,16 @@ class Problem:
 
     def result(self) -> Fit:
         """The best point."""
+        if self._kept is not None:
+            self._end_of_detour()
         assert self._best is not None
         linear = self._linear
         return Fit(
             self.effects,
-            split(self.effects, np.asarray(self._best["flat"])),
-            np.asarray(self._best["starts"]),
-            float(self._best["chi2"]),
-            np.asarray(self._best["per_segment"]),
+            split(self.effects, self._best.flat),
+            self._best.starts,
+            self._best.chi2,
+            self._best.per_segment,
             linear.normal.sum(0),
             linear.gradient,
             self._design,

@@ -25,7 +25,7 @@ _STIFF_STEP = 0.001
 _EFFECT_STEP, _HELD_STEP = 0.0005, 0.00125
 """An effect that is a force is held in each time step: a stop or a play that acts for milliseconds wants short ones,
 and friction sticks as firmly as two of them allow. Leapfrog in the first is more exact than Runge-Kutta in the second,
-which is left for machines that touch something: 1.1 per dof for 2.4 where a joint sticks and slips at 0.3 mrad noise."""
+left for machines that touch something: 1.1 per dof for 2.4 where a joint sticks and slips at 0.3 mrad noise."""
 _FIRM_STEP = 0.00025
 """For friction of the model's own: a joint that sticks and slips at 0.05 mrad noise left 2.3 per dof with Runge-Kutta
 in steps of 0.5 ms, and 0.89, as the noise alone, with leapfrog in half of that."""

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from torch_activegp.diagnosis.candidate import Candidate
 from torch_activegp.diagnosis.elimination import bounded_step, eliminate
-from torch_activegp.diagnosis.fit import Fit, difference_steps, split
+from torch_activegp.diagnosis.fit import Fit, bounds, difference_steps, split
 from torch_activegp.diagnosis.runs import Array
 from torch_activegp.diagnosis.shooting import Shooting
 
@@ -109,8 +109,7 @@ class _Part:
         self.values, self.starts, self.finished = np.concatenate(fit.values), fit.starts, False
         self.kept, self._design, self._columns = kept, fit.design, columns
         self._reach = shooting.state_reach()
-        self._low = np.array([p.low for effect in fit.effects for p in effect.parameters])
-        self._high = np.array([p.high for effect in fit.effects for p in effect.parameters])
+        self._low, self._high = bounds(fit.effects)
         self._length = 1.0
         self._accept(residual, _chi2(residual))
 

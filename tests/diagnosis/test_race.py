@@ -1,0 +1,15 @@
+from __future__ import annotations
+
+from torch_activegp.diagnosis.race import give_up
+
+
+def test_those_far_behind_give_up_and_the_best_three_go_on() -> None:
+    class Racer:
+        finished = False
+
+        def __init__(self, chi2: float) -> None:
+            self.chi2 = chi2
+
+    racers = [Racer(chi2) for chi2 in (99.0, 10.0, 5000.0, 30.0, 50.0, 69.0)]
+    give_up(racers)
+    assert [racer.finished for racer in racers] == [True, False, True, False, False, False]
