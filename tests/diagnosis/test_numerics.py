@@ -34,6 +34,8 @@ def test_the_forms_of_a_model(bench) -> None:
     assert (made.finest.late, made.finest.substeps) == (True, 20)
     assert made.quick is not None
     assert (made.quick.late, made.quick.substeps) == (True, 8)
+    off = int(mujoco.mjtDisableBit.mjDSBL_CONTACT)  # nothing touches: a form that stands in need not look for it
+    assert [bool(form.model.opt.disableflags & off) for form in (made.finest, made.quick)] == [False, True]
     made = Numerics.of(machine(bench, "RK4", 0.005), 1)
     assert made.coarse.model.opt.integrator == FAST
     assert made.fine is made.given

@@ -149,10 +149,12 @@ class Numerics:
         if halfway < often:
             middle = Engine(model, channels, halfway, nthread, _RUNGE_KUTTA, contacts=not free)
 
-        def leapfrog(form: mujoco.MjModel, steps: int, stride: int = 1) -> Engine | None:
-            return None if stiff else Engine(form, channels, steps, nthread, None, stride, True, contacts=not free)
+        def leapfrog(form: mujoco.MjModel, steps: int, stride: int = 1, contacts: bool = True) -> Engine | None:
+            return None if stiff else Engine(form, channels, steps, nthread, None, stride, True, contacts)
 
-        late, quick = leapfrog(model, coarse.substeps, stride), leapfrog(model, _steps(step, _QUICK))
+        longer = _steps(step, _QUICK)
+        late = leapfrog(model, coarse.substeps, stride, contacts=not free)
+        quick = leapfrog(model, longer, contacts=not free)
         short = _steps(step, _HELD_STEP if stiff else _EFFECT_STEP)
         finest = leapfrog(model, short)
         if stiff and short > often:
@@ -162,7 +164,7 @@ class Numerics:
             short = max(often, _steps(step, 2 * _FIRM_STEP if stiff else _FIRM_STEP))
             sticks = sticking(model, step / short)
             firm = leapfrog(sticks, short) or Engine(sticks, channels, short, nthread, _RUNGE_KUTTA)
-            firm_quick = leapfrog(sticking(model, step / _steps(step, _QUICK)), _steps(step, _QUICK))
+            firm_quick = leapfrog(sticking(model, step / longer), longer, contacts=not free)
         forms = (given, fine, coarse, middle, finest, late, firm, quick, firm_quick)
         begin_drives([engine for engine in forms if engine is not None], machine.fit)
         return cls(given, fine, coarse, middle, stiff, finest, late, firm, quick, firm_quick)
