@@ -152,6 +152,15 @@ def test_late_controls_make_euler_second_order(clean, stride) -> None:
     assert errors[True] < 0.05 * errors[False]
 
 
+def test_a_leapfrog_is_runge_kutta_to_mujoco_alone(clean) -> None:
+    model, channels, where = clean.machine.model, clean.engine.channels, (clean.segments, clean.nominal.starts[None])
+    late = Engine(model, channels, 3, 1, late=True)
+    expected = Engine(model, channels, 3, 1, int(mujoco.mjtIntegrator.mjINT_RK4)).predict(*where, [NOMINAL])[0]
+    np.testing.assert_array_equal(late.plain().predict(*where, [NOMINAL])[0], expected)
+    assert not np.array_equal(late.predict(*where, [NOMINAL])[0], expected)
+    assert clean.engine.plain() is clean.engine
+
+
 def test_work_is_counted_in_time_steps(bench) -> None:
     rows = bench.segments.size * bench.segments.intervals
     for integrator, times in ((0, 1), (int(mujoco.mjtIntegrator.mjINT_RK4), 4)):

@@ -45,6 +45,10 @@ class BlackBoxEngine(Engine):
         self.box = box
         self.late = late
 
+    def plain(self) -> Engine:
+        """Itself: its time step is the simulator's own."""
+        return self
+
     def _simulate(self, segments: Segments, starts: Array, candidates: Sequence[Candidate]) -> Array:
         count, size, intervals = len(candidates), segments.size, segments.intervals
         rows = count * size

@@ -103,17 +103,17 @@ def _report(
     places = somewhere(_certain(judgement))
     say("forecasting held-out runs", 0.85)
     chosen = judgement.fit if judgement.verdict in ("named", "tie") else nominal
-    models = {"before": (explanation.engine, NOMINAL), "after": (explanation.engine, chosen.candidate)}
+    engine = explanation.engine.plain()  # held-out errors are those of the corrected model, by MuJoCo alone
+    models = {"before": (engine, NOMINAL), "after": (engine, chosen.candidate)}
     outcome = _remainder(explanation, judgement, chosen)
     if outcome is not None and outcome.effect is not None:
-        models["gp"] = (explanation.engine, outcome.on(chosen.candidate))
+        models["gp"] = (engine, outcome.on(chosen.candidate))
     holdout, traces = compare(models, machine.holdout, machine.channels.joints, shooting.noise)
     say("writing the correction", 0.95)
     numerics = None
     if explanation.fine:
         step = median_step(machine.fit)
-        engine = explanation.engine
-        numerics = Form(engine.integrator, step / engine.substeps, explanation.firm)
+        numerics = Form(engine.model.opt.integrator, step / engine.substeps, explanation.firm)
     xml, held, difference = corrected_xml(source.spec, chosen.effects, chosen.values, numerics)
     corrected = simulator_with(source, machine.channels, chosen.candidate, xml if all(held) else None, numerics)
     learned = None

@@ -89,10 +89,14 @@ class Engine:
         """Time steps that it has computed; those of Runge-Kutta count four times."""
         self._fields: dict[bool, _Fields] = {}
 
-    @property
-    def integrator(self) -> int:
-        """The one of MuJoCo's that comes closest in the same time step."""
-        return int(_RUNGE_KUTTA if self.late else self.model.opt.integrator)
+    def plain(self) -> Engine:
+        """The same by Runge-Kutta where it is a leapfrog, which MuJoCo alone is not."""
+        if not self.late:
+            return self
+        made = copy.copy(self)
+        made.model, made.late, made._fields = copy.copy(self.model), False, {}
+        made.model.opt.integrator = _RUNGE_KUTTA
+        return made
 
     @property
     def state_size(self) -> int:
