@@ -139,26 +139,43 @@ def test_runs_hold_what_the_limits_of_the_actuators_let_pass(bench, record) -> N
 
 
 @pytest.mark.parametrize("stride", [1, 2, 3])
-def test_late_controls_make_euler_second_order(clean, stride) -> None:
+def test_a_leapfrog_is_of_second_order(clean, stride) -> None:
     """Once the initial states are fitted, the error to a fine simulation is a small part of plain Euler's."""
     model, channels = clean.machine.model, clean.engine.channels
     fine = Engine(model, channels, 10, 1).predict(clean.segments, clean.nominal.starts[None], [NOMINAL])[0][0]
     segments = dataclasses.replace(clean.segments, position=fine)
     errors = {}
     for late in (False, True):
-        engine = Engine(model, channels, 1, 1, int(mujoco.mjtIntegrator.mjINT_EULER), stride, late=late)
+        integrator = None if late else int(mujoco.mjtIntegrator.mjINT_EULER)
+        engine = Engine(model, channels, 1, 1, integrator, stride, late=late)
         shooting = dataclasses.replace(clean.shooting, engine=engine, segments=segments)
         errors[late] = shooting.fit([((), ())], clean.nominal.starts)[0].chi2
     assert errors[True] < 0.05 * errors[False]
+
+
+def test_a_leapfrog_takes_no_integrator(clean) -> None:
+    with pytest.raises(ConfigurationError, match="of its own"):
+        Engine(clean.machine.model, clean.engine.channels, 1, 1, 0, late=True)
+
+
+def test_what_an_effect_edits_leaves_no_trace_in_a_leapfrog(clean) -> None:
+    """Constants that follow from an edit follow from the machine's inertia, not from that of the scheme."""
+    text = clean.xml.replace('name="hip"', 'name="hip" damping="40" frictionloss="0.6"', 1)
+    late = Engine(mujoco.MjModel.from_xml_string(text), clean.engine.channels, 1, 1, late=True)
+    where = (clean.segments, clean.nominal.starts[None])
+    before = late.predict(*where, [NOMINAL])[0]
+    load = clean.effect("payload_mass", "body:rod")
+    late.predict(*where, [Candidate((load,), (load.seeds[0],))])
+    np.testing.assert_array_equal(late.predict(*where, [NOMINAL])[0], before)
 
 
 def test_a_leapfrog_is_runge_kutta_to_mujoco_alone(clean) -> None:
     model, channels, where = clean.machine.model, clean.engine.channels, (clean.segments, clean.nominal.starts[None])
     late = Engine(model, channels, 3, 1, late=True)
     expected = Engine(model, channels, 3, 1, int(mujoco.mjtIntegrator.mjINT_RK4)).predict(*where, [NOMINAL])[0]
-    np.testing.assert_array_equal(late.plain().predict(*where, [NOMINAL])[0], expected)
+    np.testing.assert_array_equal(late.without_leapfrog().predict(*where, [NOMINAL])[0], expected)
     assert not np.array_equal(late.predict(*where, [NOMINAL])[0], expected)
-    assert clean.engine.plain() is clean.engine
+    assert clean.engine.without_leapfrog() is clean.engine
 
 
 def test_work_is_counted_in_time_steps(bench) -> None:

@@ -8,7 +8,7 @@ import pytest
 
 from torch_activegp.diagnosis.engine import NOMINAL
 from torch_activegp.diagnosis.noise_model import NoiseModel
-from torch_activegp.diagnosis.numerics import Numerics, _coriolis
+from torch_activegp.diagnosis.numerics import Numerics
 from torch_activegp.diagnosis.shooting import Shooting
 
 QUIET = NoiseModel.white(np.array([1e-4]))
@@ -36,6 +36,7 @@ def test_the_forms_of_a_model(bench) -> None:
     assert (made.quick.late, made.quick.substeps) == (True, 8)
     off = int(mujoco.mjtDisableBit.mjDSBL_CONTACT)  # nothing touches: a form that stands in need not look for it
     assert [bool(form.model.opt.disableflags & off) for form in (made.finest, made.quick)] == [False, True]
+    assert Numerics.of(machine(bench, "Euler", 0.0001), 1).finest is None  # its own steps are short enough
     made = Numerics.of(machine(bench, "RK4", 0.005), 1)
     assert made.coarse.model.opt.integrator == FAST
     assert made.fine is made.given
@@ -72,22 +73,8 @@ def test_the_numerics_are_judged_with_a_set_where_one_is_given(bench) -> None:
     assert judged.chi2 / shooting.dof == pytest.approx(1.0, abs=0.2)
 
 
-TWO = """
-<mujoco><option timestep="0.005"/><worldbody><body><joint name="a" {}/><geom size="0.1 0.5" type="capsule"/>
-<body pos="0 0 0.7"><joint name="b" {}/><geom size="0.1 0.5" type="capsule" pos="0.3 0 0.2"/></body></body></worldbody>
-</mujoco>"""
-
-
-@pytest.mark.parametrize(
-    ("joints", "turning"),
-    [(('axis="0 1 0"',) * 2, True), (('axis="1 0 0" type="slide"', 'axis="0 1 0" type="slide"'), False)],
-)
-def test_coriolis_forces_are_those_of_products_of_velocities(joints: tuple[str, str], turning: bool) -> None:
-    assert _coriolis(mujoco.MjModel.from_xml_string(TWO.format(*joints))) is turning
-
-
-def test_where_coriolis_forces_act_short_steps_are_runge_kuttas(clean, monkeypatch) -> None:
-    monkeypatch.setattr("torch_activegp.diagnosis.numerics._coriolis", lambda model: True)
+def test_where_a_leapfrog_is_of_first_order_short_steps_are_runge_kuttas(clean, monkeypatch) -> None:
+    monkeypatch.setattr("torch_activegp.diagnosis.numerics.is_of_second_order", lambda model: False)
     made = Numerics.of(machine(clean, "Euler", 0.01, 'frictionloss="0.6"'), 1)
     for form, steps in ((made.finest, 8), (made.firm, 20)):
         assert form is not None

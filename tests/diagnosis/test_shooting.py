@@ -121,8 +121,9 @@ def test_a_first_guess_that_makes_it_worse_is_left_for_the_smaller_set(bench) ->
     assert left.chi2 <= below.chi2 < led.chi2
 
 
-def test_a_joint_that_sticks_and_slips_lets_parameters_go_far(clean) -> None:
-    """A step of the parameters is judged once the states have followed: what stuck before it slips after it."""
+@pytest.fixture
+def sticking(clean):
+    """Fits Stribeck friction, from far off and in so many rounds, to a joint that sticks and slips."""
     effect, values = clean.effect("stribeck_friction"), np.array([0.5, 0.3, 0.4])
     engine = Engine(clean.machine.model, clean.engine.channels, 8, 1, late=True)
     truth = engine.predict(clean.segments, clean.nominal.starts[None], [Candidate((effect,), (values,))])[0][0]
@@ -130,7 +131,21 @@ def test_a_joint_that_sticks_and_slips_lets_parameters_go_far(clean) -> None:
     segments = dataclasses.replace(clean.segments, position=truth + noise)
     shooting = Shooting(engine, segments, clean.shooting.noise)
     nominal = shooting.fit([((), ())], engine.starts(segments), rounds=6)[0]
-    fit = shooting.fit([((effect,), (np.array([0.75, 0.09, 0.5]),))], nominal.starts, design=nominal.design)[0]
     assert nominal.chi2 > 100 * shooting.dof
-    assert fit.chi2 < 2 * shooting.dof
+    begin = [((effect,), (np.array([0.75, 0.09, 0.5]),))]
+    return lambda **how: (shooting.fit(begin, nominal.starts, design=nominal.design, **how)[0], shooting.dof)
+
+
+def test_a_joint_that_sticks_and_slips_lets_parameters_go_far(sticking) -> None:
+    """A step of the parameters is judged once the states have followed: what stuck before it slips after it."""
+    fit, dof = sticking()
+    assert fit.chi2 < 2 * dof
     assert fit.values[0][0] == pytest.approx(0.5, rel=0.02)
+
+
+def test_a_fit_may_end_in_any_round_and_never_gets_worse(sticking) -> None:
+    """Also while the states follow a step that may yet be refused."""
+    fits = [sticking(rounds=rounds)[0] for rounds in range(5, 18)]
+    assert all(np.diff([fit.chi2 for fit in fits]) <= 0.0)
+    assert all(fit.information.shape == (3, 3) and fit.scores.shape[1] == 3 for fit in fits)
+    assert all(fit.per_segment.sum() == pytest.approx(fit.chi2) for fit in fits)

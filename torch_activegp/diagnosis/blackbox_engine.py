@@ -45,8 +45,8 @@ class BlackBoxEngine(Engine):
         self.box = box
         self.late = late
 
-    def plain(self) -> Engine:
-        """Itself: its time step is the simulator's own."""
+    def without_leapfrog(self) -> Engine:
+        """Itself: the simulator steps as it does, only its controls may come late."""
         return self
 
     def _simulate(self, segments: Segments, starts: Array, candidates: Sequence[Candidate]) -> Array:

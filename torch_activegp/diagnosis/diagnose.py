@@ -103,7 +103,7 @@ def _report(
     places = somewhere(_certain(judgement))
     say("forecasting held-out runs", 0.85)
     chosen = judgement.fit if judgement.verdict in ("named", "tie") else nominal
-    engine = explanation.engine.plain()  # held-out errors are those of the corrected model, by MuJoCo alone
+    engine = explanation.engine.without_leapfrog()  # which `corrected.xml` cannot ask of MuJoCo
     models = {"before": (engine, NOMINAL), "after": (engine, chosen.candidate)}
     outcome = _remainder(explanation, judgement, chosen)
     if outcome is not None and outcome.effect is not None:

@@ -67,6 +67,8 @@ class Engine:
         contacts: bool = True,
     ) -> None:
         self.model = copy.copy(model)
+        if late and integrator is not None:
+            raise ConfigurationError("Engine: `late` is an integrator of its own; wanted no other one.")
         integrator = _IMPLICIT if late else integrator
         if not contacts:
             self.model.opt.disableflags |= int(_Disable.mjDSBL_CONTACT)
@@ -89,7 +91,7 @@ class Engine:
         """Time steps that it has computed; those of Runge-Kutta count four times."""
         self._fields: dict[bool, _Fields] = {}
 
-    def plain(self) -> Engine:
+    def without_leapfrog(self) -> Engine:
         """The same by Runge-Kutta where it is a leapfrog, which MuJoCo alone is not."""
         if not self.late:
             return self
@@ -152,10 +154,7 @@ class Engine:
         fields = self._fields_for(rows, few=rows <= _FEW and (halting or self.channels.prescribed is not None))
         batch = fields.batch
         fields("opt.timestep")[:rows] = np.median(segments.dt) / self.substeps
-        acting, steady, derived = self._acting(segments, candidates, fields)
-        if self.late:
-            halve_damping(self.model, fields, rows)
-        fields.derive(derived)
+        acting, steady = self._acting(segments, candidates, fields)
         controls = Controls(segments, candidates, self.substeps, model.nu, self.filters if self._exact else ())
         inputs = Inputs(segments, candidates, controls, self.substeps, self.stride, self.late, steady)
         batch.state[:rows] = self._reset_row
@@ -167,6 +166,8 @@ class Engine:
         edges = [*range(0, intervals, self.stride), intervals]
         self.work += rows * (len(edges) - 1) * self.substeps * (4 if model.opt.integrator == _RUNGE_KUTTA else 1)
         lengths = np.add.reduceat(segments.dt, edges[:-1], axis=1) / self.substeps
+        if self.late:  # after the constants: they are those of the machine
+            halve_damping(self.model, fields, rows, float(np.median(lengths)))
         steps = np.broadcast_to(lengths, (count, *lengths.shape)).reshape(rows, -1)
         acting = [*self._following(segments, lengths, starts[0]), *acting]
         states = np.empty((rows, intervals + 1, self.state_size))
@@ -180,10 +181,8 @@ class Engine:
         fields.restore(model)
         return states.reshape(count, size, intervals + 1, self.state_size)
 
-    def _acting(
-        self, segments: Segments, candidates: Sequence[Candidate], fields: _Fields
-    ) -> tuple[list[Act], Array, NDArray[np.bool_]]:
-        """Edits the models; returns what acts in every step, what always does, and whose constants must follow."""
+    def _acting(self, segments: Segments, candidates: Sequence[Candidate], fields: _Fields) -> tuple[list[Act], Array]:
+        """Edits the models, with the constants that follow; returns what acts in every step, and what always does."""
         size, derived = segments.size, np.zeros(len(candidates), dtype=bool)
         starts = np.stack([segments.run, segments.first], axis=1)
         steady = np.zeros((len(candidates) * size, self.model.nv))
@@ -200,7 +199,8 @@ class Engine:
                     if positions is not None:
                         memory = effect.memory(positions, np.tile(starts, (len(which), 1)), repeated)
                 acting.append(before_steps(effect, rows, repeated, memory))
-        return acting, steady, np.repeat(derived, size)
+        fields.derive(np.repeat(derived, size))
+        return acting, steady
 
     def _following(self, segments: Segments, lengths: Array, starts: Array) -> list[Act]:
         """What moves the prescribed joints, where there are any, in substeps of given lengths ``(S, K)``, s."""

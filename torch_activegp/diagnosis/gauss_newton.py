@@ -199,7 +199,10 @@ class Problem:
         self._columns = np.nan_to_num(-(white[1 + n :] - residual) / self._steps[:, None, None]).transpose(1, 2, 0)
 
     def _detour(self, residual: Array, per_segment: Array) -> None:
-        """Lets the states follow a step that did not help before it is refused: what stuck before may slip now."""
+        """Lets the states follow a step that did not help before it is refused: what stuck before may slip now.
+
+        For three rounds, with the derivatives that there are: new ones, and a fourth round, ended farther off.
+        """
         assert self._best is not None and self._design is not None and self._smooth is not None
         names = ("_best", "_raw", "_linear", "_design", "_columns", "_damping", "_age", "_stale", "_predicted")
         self._kept = {name: getattr(self, name) for name in names}

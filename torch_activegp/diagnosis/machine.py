@@ -70,7 +70,7 @@ def make_machine(
     if box is None:
         check_units(model, channels, fit)
         check_units(model, channels, kept)
-    if box is not None:
+    else:
         check_recordings(box, [*recordings, *holdout])
         check_clock(box, [*fit, *kept])
         check_rates(box, channels, fit)

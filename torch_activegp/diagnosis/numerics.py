@@ -12,6 +12,7 @@ import numpy as np
 from torch_activegp.diagnosis.chaining import chained
 from torch_activegp.diagnosis.engine import Engine, begin_drives, substeps_for
 from torch_activegp.diagnosis.fit import Fit
+from torch_activegp.diagnosis.leapfrog import is_of_second_order
 from torch_activegp.diagnosis.machine import Machine
 from torch_activegp.diagnosis.noise_model import NoiseModel
 from torch_activegp.diagnosis.runs import Array, median_step
@@ -25,7 +26,7 @@ _STIFF_STEP = 0.001
 _EFFECT_STEP, _HELD_STEP = 0.0005, 0.00125
 """An effect that is a force is held in each time step: a stop or a play that acts for milliseconds wants short ones,
 and friction sticks as firmly as two of them allow. Leapfrog in the first is more exact than Runge-Kutta in the second
-where nothing touches and no Coriolis forces act: 1.1 per dof for 2.4 where a joint sticks and slips at 0.3 mrad."""
+where it is of second order: 1.1 per dof for 2.4 where a joint sticks and slips at 0.3 mrad."""
 _FIRM_STEP = 0.00025
 """For friction of the model's own: a joint that sticks and slips at 0.05 mrad noise left 2.3 per dof with Runge-Kutta
 in steps of 0.5 ms, and 0.89, as the noise alone, with leapfrog in half of that."""
@@ -44,7 +45,7 @@ _MUCH, _CLEARLY = 2.0, 0.25
 one form or the other absorbs some of what is missing by chance."""
 _SETTLED = 0.01
 _SAME = 0.02
-_POSES, _LITTLE = 300, 1e-6
+_POSES = 300
 _TOUCHING = 0.01
 """Contact in fewer poses is an accident of noise or of shapes drawn too large."""
 _LIKE_A_TIME_STEP = frozenset({"actuator_delay", "actuator_lag", "sensor_delay"})
@@ -73,21 +74,6 @@ def _touching(machine: Machine) -> float:
 def _steps(interval: float, longest: float) -> int:
     """Time steps in an interval, of some length at most."""
     return max(int(np.ceil(interval / longest - 1e-6)), 1)
-
-
-def _coriolis(model: mujoco.MjModel) -> bool:
-    """Whether forces depend on products of velocities; a leapfrog takes them half a time step early."""
-    data, rng = mujoco.MjData(model), np.random.default_rng(0)
-    for _ in range(_POSES // 100):
-        mujoco.mj_resetData(model, data)
-        mujoco.mj_integratePos(model, data.qpos, rng.normal(size=model.nv), 1.0)
-        mujoco.mj_forward(model, data)
-        still = data.qfrc_bias.copy()
-        data.qvel[:] = rng.normal(size=model.nv)
-        mujoco.mj_forward(model, data)
-        if np.abs(data.qfrc_bias - still).max() > _LITTLE * model.dof_M0.max():
-            return True
-    return False
 
 
 def _cheap(model: mujoco.MjModel) -> int:
@@ -126,8 +112,8 @@ class Numerics:
         stiff: whether something touches in more than 1 % of the recorded poses, or constraints tie bodies together.
         finest: shorter steps, for sets with effects that are forces held within a step; None for the same as fine.
         firm: short steps, and the dry friction that its joints have sticks firmly; None where they have none.
-        late: coarse by the leapfrog scheme, which costs as little and is often close where coarse is not; None where
-            something touches.
+        late: coarse by the leapfrog scheme, which costs as little and is often close where coarse is not; None on a
+            stiff machine, and where it would be the same.
         quick: leapfrog in longer steps than finest, which then is one too; None where finest is Runge-Kutta's.
         firm_quick: the same for firm.
     """
@@ -165,19 +151,18 @@ class Numerics:
             middle = Engine(model, channels, halfway, nthread, _RUNGE_KUTTA, contacts=not free)
 
         late = None
-        if not stiff:
-            late = Engine(model, channels, coarse.substeps, nthread, None, stride, True, contacts=not free)
-        leaps = not stiff and not _coriolis(model)
+        if not stiff and (model.nu or model.dof_damping.any()):
+            late = Engine(model, channels, coarse.substeps, nthread, stride=stride, late=True, contacts=not free)
+        leaps = not stiff and is_of_second_order(model)
 
         def leapfrog(form: mujoco.MjModel, steps: int, contacts: bool = True) -> Engine | None:
             return Engine(form, channels, steps, nthread, late=True, contacts=contacts) if leaps else None
 
-        short = _steps(step, _EFFECT_STEP if leaps else _HELD_STEP)
-        finest = leapfrog(model, short)
-        if not leaps and short > often:
-            finest = Engine(model, channels, short, nthread, _RUNGE_KUTTA)
-        longer = _steps(step, _QUICK)
-        quick, firm, firm_quick = leapfrog(model, longer, contacts=not free), None, None
+        short, longer = _steps(step, _EFFECT_STEP if leaps else _HELD_STEP), _steps(step, _QUICK)
+        finest, quick, firm, firm_quick = None, None, None, None
+        if short > often:
+            finest = leapfrog(model, short) or Engine(model, channels, short, nthread, _RUNGE_KUTTA)
+            quick = leapfrog(model, longer, contacts=not free)
         if model.dof_frictionloss.any():
             short = max(often, _steps(step, _FIRM_STEP if leaps else 2 * _FIRM_STEP))
             sticks = sticking(model, step / short)
@@ -245,8 +230,7 @@ class Numerics:
     def _forms(self, effects: Sequence[Effect], known: Known | None) -> list[Engine]:
         """The precise forms that compete behind a set; the one that was taken before is among them."""
         held = self.finest is not None and any(effect.needs_steps for effect in effects)
-        fine = self.fine if self.quick is None or not held else None  # a leapfrog takes its place
-        forms = (self.given, fine, self.firm, *(known[:1] if known else ()), self.finest if held else None)
+        forms = (self.given, self.fine, self.firm, *(known[:1] if known else ()), self.finest if held else None)
         return [form for form in dict.fromkeys(forms) if form is not None]
 
     def _working(self, engine: Engine, first: Shooting, rough: Fit) -> tuple[Shooting, Fit]:
