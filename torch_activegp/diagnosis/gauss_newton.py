@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Any
+import copy
 
 import numpy as np
 
@@ -62,7 +62,7 @@ class Problem:
         self._steps = np.zeros(0)
         self._raw = np.zeros(0)
         self._known = False
-        self._kept: dict[str, Any] | None = None
+        self._kept: Problem | None = None
         self._predicted = 0.0
         self._age = 0 if design is None else 1
         self._stale = design is not None
@@ -70,7 +70,7 @@ class Problem:
     @property
     def chi2(self) -> float:
         """The least chi2 so far."""
-        points = [self._best, self._kept["_best"] if self._kept else None]
+        points = [self._best, self._kept._best if self._kept is not None else None]
         return min((point.chi2 for point in points if point is not None), default=np.inf)
 
     @property
@@ -204,13 +204,12 @@ class Problem:
         For three rounds, with the derivatives that there are: new ones, and a fourth round, ended farther off.
         """
         assert self._best is not None and self._design is not None and self._smooth is not None
-        names = ("_best", "_raw", "_linear", "_design", "_columns", "_damping", "_age", "_stale", "_predicted")
-        self._kept = {name: getattr(self, name) for name in names}
+        self._kept = copy.copy(self)
         worse = per_segment > self._best.per_segment + _LITTLE
         self._best, self._raw = Point(self._trial, self._trial_starts, per_segment), residual
         self._columns, self._settling = self._design[..., :0], SETTLE
         self._linear = eliminate(self._design, self._columns, np.nan_to_num(residual))
-        self._brake[:] = 1.0
+        self._brake = np.ones_like(self._brake)
         self._propose()
         self.finished = False
         self._trial_starts = np.where(worse[:, None], self._smooth, self._trial_starts)
@@ -219,17 +218,18 @@ class Problem:
         """Goes on from where the states have followed, or back to where they came from."""
         assert self._best is not None and self._kept is not None
         kept, self._kept = self._kept, None
-        self.finished = False
-        self._brake[:] = 1.0
-        if self._best.chi2 < kept["_best"].chi2:
-            design = kept["_design"] if self._design is None else self._design
-            self._linear = eliminate(design, kept["_columns"], np.nan_to_num(self._raw))
+        better = self.chi2 < kept.chi2
+        if better:
+            design = kept._design if self._design is None else self._design
+            assert design is not None and kept._columns is not None
+            self._linear = eliminate(design, kept._columns, np.nan_to_num(self._raw))
             self._columns = None  # anew, where there is a next time
             self._trial, self._trial_starts = self._best.flat, self._best.starts
-            return
-        for name, value in kept.items():
-            setattr(self, name, value)
-        self._shorten()
+        else:
+            vars(self).update(vars(kept))
+        self.finished, self._brake = False, np.ones_like(self._brake)
+        if not better:
+            self._shorten()
 
     def _worse(self, residual: Array, per_segment: Array, last: bool) -> None:
         """A step that did not help: blame single segments, then old derivatives, then the length of the step."""
