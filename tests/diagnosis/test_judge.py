@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from torch_activegp.diagnosis.compared import Selection
-from torch_activegp.diagnosis.judge import as_two, judge, omnibus
+from torch_activegp.diagnosis.judge import as_one, as_two, judge, omnibus
 from torch_activegp.diagnosis.score import Score
 
 
@@ -155,6 +155,30 @@ def test_a_friction_of_two_levels_may_be_one_level_and_a_push(bench) -> None:
         rivals = [(one, 0.0, 1.0), (dataclasses.replace(two, chi2=chi2), 20.0, 0.0)]
         assert set(as_two(rivals, one, rich)) == names
         assert as_two(rivals, one, wet) == ()
+
+
+def test_one_level_and_a_tuned_push_may_be_a_friction_of_two_levels(bench) -> None:
+    rich = next(e for e in bench.effects if e.name == "asymmetric_friction" and "coulomb_friction" in e.covers)
+    dry, bias, wet = (
+        bench.effect(*key)
+        for key in (("coulomb_friction",), ("actuator_bias", "actuator:drive"), ("viscous_friction",))
+    )
+
+    def said(push: float = 0.002, chi2: float = 1.0, beside: tuple = (wet,), tuned: tuple = (wet, bias)) -> tuple:
+        two = bench.nominal
+        two = dataclasses.replace(
+            two, effects=(dry, bias, wet), values=(np.array([0.005]), np.array([push]), np.array([0.05]))
+        )
+        values = (np.array([0.003, 0.007]), *(np.array([0.05]) for _ in beside))
+        one = dataclasses.replace(two, effects=(rich, *beside), values=values, chi2=chi2 * two.chi2)
+        return as_one([(two, 0.0, 1.0), (one, 20.0, 0.0)], two, dry, tuned)
+
+    assert said() == (rich.key,)
+    assert said(beside=()) == (rich.key,)
+    assert said(push=0.0005) == ()  # hardly a difference between the directions
+    assert said(chi2=1.01) == ()
+    assert said(beside=(bench.effect("quadratic_drag"),)) == ()
+    assert said(tuned=(wet,)) == ()
 
 
 @pytest.mark.parametrize(("least", "verdict"), [(1e-3, "unknown"), (1e9, "none")])

@@ -11,7 +11,7 @@ from scipy import stats
 from torch_activegp.diagnosis.compared import Selection, fitted
 from torch_activegp.diagnosis.elimination import eliminate
 from torch_activegp.diagnosis.fit import Fit
-from torch_activegp.diagnosis.merging import TWO_SIDED
+from torch_activegp.diagnosis.merging import TWO_SIDED, push
 from torch_activegp.diagnosis.reference import free_force_columns
 from torch_activegp.diagnosis.score import TIE
 from torch_activegp.diagnosis.selection import MAX_EFFECTS
@@ -31,6 +31,8 @@ CROWDED = 0.04
 """The same where as many names as are tried leave it."""
 OVERCROWDED = 0.001
 """The same where there are more names: those of a nominal that was tuned badly leave next to nothing."""
+_LOPSIDED = 0.2
+"""A constant push is a difference between the directions of a dry friction from so much of that friction up."""
 ALIKE = 0.002
 """Two names that say the same as one leave no more by this part, what fits are short of; less is no objection."""
 SURE = 1e-5
@@ -136,7 +138,10 @@ def judge(shooting: Shooting, selection: Selection) -> Judgement:
     retuned = (*retuned, *(effect for i, effect in enumerate(order) if i not in kept))
     order, shares = tuple(order[i] for i in kept), tuple(shares[i] for i in kept)
     probabilities = tuple(_probability(rivals, effect) for effect in order)
-    ties = tuple((*_ties(rivals, best, effect), *as_two(rivals, best, effect)) for effect in order)
+    ties = tuple(
+        tuple(dict.fromkeys([*_ties(rivals, best, e), *as_two(rivals, best, e), *as_one(rivals, best, e, retuned)]))
+        for e in order
+    )
     p_value = min(before.p_value, float(stats.chi2.sf(gain / score.scale, best.size)) * score.names)
     crowded = len(order) >= MAX_EFFECTS and unexplained > (CROWDED if len(order) == MAX_EFFECTS else OVERCROWDED)
     seen = SEEN if len(order) < MANY else SEEN_BEHIND_MANY
@@ -233,4 +238,20 @@ def as_two(rivals: Sequence[tuple[Fit, float, float]], best: Fit, effect: Effect
         alike = fit.chi2 - best.chi2 < ALIKE * best.chi2
         if alike and effect.name == TWO_SIDED and others <= fit.keys and len(swapped) == 2 and dry in swapped:
             return tuple(sorted(swapped))
+    return ()
+
+
+def as_one(
+    rivals: Sequence[tuple[Fit, float, float]], best: Fit, effect: Effect, retuned: Sequence[Effect]
+) -> tuple[tuple[str, str], ...]:
+    """The dry friction of two levels that says the same as one level and a push which only undoes a tuning."""
+    values, two_sided = dict(zip(best.effects, best.values, strict=True)), (TWO_SIDED, effect.target)
+    if effect.name != "coulomb_friction":
+        return ()
+    least = _LOPSIDED * float(values[effect][0])
+    pushes = {e.key for e in retuned if abs(push(e, values[e], effect.target)) > least}
+    for fit, _, _ in rivals[1:] if pushes else ():
+        alike = fit.chi2 - best.chi2 < ALIKE * best.chi2
+        if alike and two_sided in fit.keys and fit.keys - {two_sided} <= best.keys - {effect.key} - pushes:
+            return (two_sided,)
     return ()
