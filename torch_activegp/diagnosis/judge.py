@@ -31,7 +31,7 @@ CROWDED = 0.04
 """The same where as many names as are tried leave it."""
 OVERCROWDED = 0.001
 """The same where there are more names: those of a nominal that was tuned badly leave next to nothing."""
-_LOPSIDED = 0.2
+_LOPSIDED = 0.1
 """A constant push is a difference between the directions of a dry friction from so much of that friction up."""
 ALIKE = 0.002
 """Two names that say the same as one leave no more by this part, what fits are short of; less is no objection."""
