@@ -135,7 +135,7 @@ def fitted(shooting: Shooting, selection: Selection, effects: Sequence[Effect], 
     """
     best = whole or selection.best
     fit = selection.of(effects)
-    values = dict(zip(best.effects, best.values, strict=True))
+    values = best.by_effect
     if fit is None:
         start = (tuple(effects), tuple(values[effect] for effect in effects))
         fit = shooting.fit([start], best.starts, design=best.design)[0]
@@ -148,7 +148,7 @@ def without_each(selection: Selection, shooting: Shooting) -> list[tuple[Effect,
     best = selection.best
     named = [effect for effect in best.effects if effect.key not in selection.score.free]
     rests = {effect: [e for e in best.effects if e is not effect] for effect in named}
-    values = dict(zip(best.effects, best.values, strict=True))
+    values = best.by_effect
     unknown = [rest for rest in rests.values() if selection.of(rest) is None]
     if unknown:
         sets = [(rest, [values[e] for e in rest]) for rest in unknown]

@@ -165,7 +165,7 @@ def _certain(judgement: Judgement) -> list[tuple[Effect, Array]]:
     """The named effects with their parameters, where nothing could stand in for them."""
     if judgement.verdict not in ("named", "tie"):
         return []
-    values = dict(zip(judgement.fit.effects, judgement.fit.values, strict=True))
+    values = judgement.fit.by_effect
     named = zip(judgement.named, judgement.ties, strict=True)
     return [(effect, values[effect]) for effect, ties in named if not ties]
 
@@ -198,7 +198,7 @@ def _remainder_note(outcome: Outcome | None) -> list[str]:
 def _named(explanation: Explanation, judgement: Judgement, held: dict[Any, bool | None]) -> tuple[NamedEffect, ...]:
     if judgement.verdict not in ("named", "tie"):
         return ()
-    values = dict(zip(judgement.fit.effects, judgement.fit.values, strict=True))
+    values = judgement.fit.by_effect
     return tuple(
         NamedEffect(
             effect.name,

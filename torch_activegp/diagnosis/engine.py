@@ -17,7 +17,7 @@ from torch_activegp.diagnosis.controls import Controls, Inputs
 from torch_activegp.diagnosis.hermite import position_between, velocity_between
 from torch_activegp.diagnosis.leapfrog import halve_damping
 from torch_activegp.diagnosis.own_filters import own_filters, without_filters
-from torch_activegp.diagnosis.prescribed_motion import PrescribedMotion, make_heavy
+from torch_activegp.diagnosis.prescribed_motion import RUNGE_KUTTA, PrescribedMotion, make_heavy
 from torch_activegp.diagnosis.readings import readings
 from torch_activegp.diagnosis.runs import Array, Channels, Run, median_step
 from torch_activegp.diagnosis.segments import Segments, cut
@@ -33,8 +33,7 @@ _MAX_ROWS = 6000
 _FEW = 64
 _MAX_BYTES = 60_000_000
 _Disable = mujoco.mjtDisableBit
-_RUNGE_KUTTA = mujoco.mjtIntegrator.mjINT_RK4
-_IMPLICIT = int(mujoco.mjtIntegrator.mjINT_IMPLICITFAST)
+IMPLICIT_FAST = int(mujoco.mjtIntegrator.mjINT_IMPLICITFAST)
 
 
 class Engine:
@@ -69,7 +68,7 @@ class Engine:
         self.model = copy.copy(model)
         if late and integrator is not None:
             raise ConfigurationError("Engine: `late` is an integrator of its own; wanted no other one.")
-        integrator = _IMPLICIT if late else integrator
+        integrator = IMPLICIT_FAST if late else integrator
         if not contacts:
             self.model.opt.disableflags |= int(_Disable.mjDSBL_CONTACT)
         self.model.opt.disableflags |= int(_Disable.mjDSBL_CLAMPCTRL)  # runs hold what the limits let pass
@@ -97,7 +96,7 @@ class Engine:
             return self
         made = copy.copy(self)
         made.model, made.late, made._fields = copy.copy(self.model), False, {}
-        made.model.opt.integrator = _RUNGE_KUTTA
+        made.model.opt.integrator = RUNGE_KUTTA
         return made
 
     @property
@@ -164,7 +163,7 @@ class Engine:
             batch.bind("act")[:rows, own.address] = controls.states(own)
         batch.warning[:rows] = 0
         edges = [*range(0, intervals, self.stride), intervals]
-        self.work += rows * (len(edges) - 1) * self.substeps * (4 if model.opt.integrator == _RUNGE_KUTTA else 1)
+        self.work += rows * (len(edges) - 1) * self.substeps * (4 if model.opt.integrator == RUNGE_KUTTA else 1)
         lengths = np.add.reduceat(segments.dt, edges[:-1], axis=1) / self.substeps
         if self.late:  # after the constants: they are those of the machine
             halve_damping(self.model, fields, rows, float(np.median(lengths)))

@@ -233,7 +233,7 @@ def _starts_of(fit: Fit, best: Fit) -> Sets:
 
     So a law begins no worse than the simpler one that it contains, where the rest is shared.
     """
-    found = dict(zip(best.effects, best.values, strict=True))
+    found = best.by_effect
     shared = tuple(found.get(e, beginning(e, v, found.items())) for e, v in zip(fit.effects, fit.values, strict=True))
     own = [(fit.effects, fit.values)]
     far = any(not np.allclose(a, b, rtol=_ALIKE) for a, b in zip(shared, fit.values, strict=True))

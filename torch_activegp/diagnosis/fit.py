@@ -43,6 +43,11 @@ class Fit:
         return Candidate(self.effects, self.values)
 
     @property
+    def by_effect(self) -> dict[Effect, Array]:
+        """The parameters of each effect."""
+        return dict(zip(self.effects, self.values, strict=True))
+
+    @property
     def size(self) -> int:
         """Number of parameters P."""
         return sum(len(v) for v in self.values)
@@ -81,7 +86,7 @@ def inside(
     """
     if below is None or not set(below.effects) < set(effects):
         return None
-    known = dict(zip(below.effects, below.values, strict=True))
+    known = below.by_effect
     if not all(effect in known or effect.linear or effect.tunable for effect in effects):
         return None
     flat = [known.get(effect, effect.absent(value)) for effect, value in zip(effects, values, strict=True)]

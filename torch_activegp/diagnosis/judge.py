@@ -245,7 +245,7 @@ def as_one(
     rivals: Sequence[tuple[Fit, float, float]], best: Fit, effect: Effect, retuned: Sequence[Effect]
 ) -> tuple[tuple[str, str], ...]:
     """The dry friction of two levels that says the same as one level and a push which only undoes a tuning."""
-    values, two_sided = dict(zip(best.effects, best.values, strict=True)), (TWO_SIDED, effect.target)
+    values, two_sided = best.by_effect, (TWO_SIDED, effect.target)
     if effect.name != "coulomb_friction":
         return ()
     least = _LOPSIDED * float(values[effect][0])

@@ -10,11 +10,12 @@ import mujoco
 import numpy as np
 
 from torch_activegp.diagnosis.chaining import chained
-from torch_activegp.diagnosis.engine import Engine, begin_drives, substeps_for
+from torch_activegp.diagnosis.engine import IMPLICIT_FAST, Engine, begin_drives, substeps_for
 from torch_activegp.diagnosis.fit import Fit
 from torch_activegp.diagnosis.leapfrog import is_of_second_order
 from torch_activegp.diagnosis.machine import Machine
 from torch_activegp.diagnosis.noise_model import NoiseModel
+from torch_activegp.diagnosis.prescribed_motion import RUNGE_KUTTA
 from torch_activegp.diagnosis.runs import Array, median_step
 from torch_activegp.diagnosis.segments import Segments
 from torch_activegp.diagnosis.shooting import Shooting
@@ -51,9 +52,6 @@ _TOUCHING = 0.01
 _LIKE_A_TIME_STEP = frozenset({"actuator_delay", "actuator_lag", "sensor_delay"})
 
 
-_RUNGE_KUTTA = int(mujoco.mjtIntegrator.mjINT_RK4)
-
-
 def _touching(machine: Machine) -> float:
     """The part of the recorded poses in which something touches, or a joint is at its limit."""
     model, channels = machine.model, machine.channels
@@ -78,8 +76,8 @@ def _steps(interval: float, longest: float) -> int:
 
 def _cheap(model: mujoco.MjModel) -> int:
     """The model's integrator, or the implicit one in place of Runge-Kutta's four evaluations."""
-    runge_kutta = model.opt.integrator == _RUNGE_KUTTA
-    return int(mujoco.mjtIntegrator.mjINT_IMPLICITFAST) if runge_kutta else int(model.opt.integrator)
+    runge_kutta = model.opt.integrator == RUNGE_KUTTA
+    return IMPLICIT_FAST if runge_kutta else int(model.opt.integrator)
 
 
 Sets = Sequence[tuple[Sequence[Effect], Sequence[Array]]]
@@ -142,13 +140,13 @@ class Numerics:
         given = Engine(model, channels, plain, nthread)
         often = max(few, plain)
         seldom = _steps(step, _STIFF_STEP) if stiff else few
-        same = model.opt.integrator == _RUNGE_KUTTA and often == plain and not given.filters
-        fine = given if same else Engine(model, channels, often, nthread, _RUNGE_KUTTA)
+        same = model.opt.integrator == RUNGE_KUTTA and often == plain and not given.filters
+        fine = given if same else Engine(model, channels, often, nthread, RUNGE_KUTTA)
         halfway = max(math.ceil(often / 2), few) if stiff else few
         coarse = Engine(model, channels, min(seldom, plain), nthread, _cheap(model), stride, contacts=not free)
         middle = fine
         if halfway < often:
-            middle = Engine(model, channels, halfway, nthread, _RUNGE_KUTTA, contacts=not free)
+            middle = Engine(model, channels, halfway, nthread, RUNGE_KUTTA, contacts=not free)
 
         late = None
         if not stiff and (model.nu or model.dof_damping.any()):
@@ -161,12 +159,12 @@ class Numerics:
         short, longer = _steps(step, _EFFECT_STEP if leaps else _HELD_STEP), _steps(step, _QUICK)
         finest, quick, firm, firm_quick = None, None, None, None
         if short > often:
-            finest = leapfrog(model, short) or Engine(model, channels, short, nthread, _RUNGE_KUTTA)
+            finest = leapfrog(model, short) or Engine(model, channels, short, nthread, RUNGE_KUTTA)
             quick = leapfrog(model, longer, contacts=not free)
         if model.dof_frictionloss.any():
             short = max(often, _steps(step, _FIRM_STEP if leaps else 2 * _FIRM_STEP))
             sticks = sticking(model, step / short)
-            firm = leapfrog(sticks, short) or Engine(sticks, channels, short, nthread, _RUNGE_KUTTA)
+            firm = leapfrog(sticks, short) or Engine(sticks, channels, short, nthread, RUNGE_KUTTA)
             firm_quick = leapfrog(sticking(model, step / longer), longer, contacts=not free)
         forms = (given, fine, coarse, middle, finest, late, firm, quick, firm_quick)
         begin_drives([engine for engine in forms if engine is not None], machine.fit)

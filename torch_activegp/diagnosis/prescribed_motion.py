@@ -12,7 +12,7 @@ from torch_activegp.diagnosis.segments import Segments
 from torch_activegp.physics.effect import Step
 
 _HEAVY = 1e7
-_RUNGE_KUTTA = int(mujoco.mjtIntegrator.mjINT_RK4)
+RUNGE_KUTTA = int(mujoco.mjtIntegrator.mjINT_RK4)
 _IMPLICIT = int(mujoco.mjtIntegrator.mjINT_IMPLICIT)
 _DIRECT = (int(mujoco.mjtTrn.mjTRN_JOINT), int(mujoco.mjtTrn.mjTRN_JOINTINPARENT))
 
@@ -67,7 +67,7 @@ class PrescribedMotion:
             own = segments.run == number
             if run.prescribed is not None and own.any():
                 position[own], speed[own] = _along(run.prescribed, time[own])
-        if model.opt.integrator == _RUNGE_KUTTA:
+        if model.opt.integrator == RUNGE_KUTTA:
             leading = speed[:, 1:-1] - np.diff(speed, 2, axis=1) / 12.0
             speed[:, 2:-1] = leading[:, 1:]
         else:
