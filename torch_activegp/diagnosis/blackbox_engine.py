@@ -77,9 +77,8 @@ class BlackBoxEngine(Engine):
         Rows off the simulator's clock: the mean over each of its steps of what was held from row to row.
         """
         control = Controls(segments, candidates, self.substeps, self.model.nu)
-        table = np.stack([control(k, j) for k in range(segments.intervals) for j in range(self.substeps)])
-        if self.late:
-            table = 0.5 * (table + np.concatenate([control(0, -1)[None], table[:-1]]))
+        steps = np.arange(segments.intervals * self.substeps)
+        table = np.moveaxis(control(steps, (-1, 0) if self.late else (0,)), 1, 0).copy()
         if _even(segments.dt, self._interval):
             return table
         length, step, size = len(table), self.box.simulator.dt, segments.size

@@ -15,6 +15,8 @@ from torch_activegp.physics.effect import Effect
 
 _AS_MUCH = 0.01
 """Part of what the best set explains."""
+_AT_LEAST = 0.9
+"""Noise per degree of freedom: no closer is its level known."""
 _STUCK = 1.0
 """Chi2 by which a fit may end above that of a set that it contains."""
 
@@ -64,6 +66,10 @@ class Selection:
         smaller = [other for other in (self.nominal, *self.fits) if set(other.effects) < effects]
         best = min(smaller, key=lambda other: other.chi2, default=None)
         return best if best is not None and not fit.chi2 <= best.chi2 + _STUCK else None
+
+    def may_pay(self, fit: Fit, dof: int) -> bool:
+        """Whether a fit leaves so much more than noise that one more name could be worth its price."""
+        return bool(self.score.free) or fit.chi2 - _AT_LEAST * dof > self.score.scale * self.score.cheapest
 
     def needs_more_than(self, names: int) -> bool:
         """Whether no set of so many effects explains about as much as the best one does."""

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
+from numpy.typing import NDArray
 
 from torch_activegp.diagnosis.candidate import Candidate
 from torch_activegp.diagnosis.own_filters import OwnFilter
@@ -61,6 +62,7 @@ class Controls:
         shoves = [candidate.shove for candidate in candidates]
         zero = np.zeros((segments.size, segments.intervals, nu))
         self._shoves = None if all(shove is None for shove in shoves) else added(zero, shoves)
+        self._known: dict[tuple[int, ...], Array] = {(0,): self._all}
 
     def states(self, own: OwnFilter) -> Array:
         """What a filter that is left to the simulation begins each segment with, ``(N * S,)``."""
@@ -68,18 +70,36 @@ class Controls:
         rows = np.minimum(self._first, before.shape[-1] - 1)
         return np.asarray(before[self._slot[:, None], self._run[None], rows[None]].ravel())
 
-    def __call__(self, interval: int, substep: int) -> Array:
-        """Controls of all simulations in a step of an interval, which may be one before the first, ``(N * S, nu)``."""
-        rows = self._first + interval * self._substeps + substep
-        rows = np.minimum(np.maximum(rows, 0), self._all.shape[2] - 1)
+    def __call__(self, steps: NDArray[np.int64], together: tuple[int, ...] = (0,)) -> Array:
+        """Controls of all simulations in some time steps, ``(N * S, M, nu)``.
+
+        Args:
+            steps: M of them, counted from the beginning of each segment; they may lie before it.
+            together: the mean of the controls so many steps later is meant.
+        """
+        table = self._means(together)
+        rows = np.minimum(np.maximum(self._first[:, None] + steps, 0), table.shape[2] - 1)
         count, size, nu = self._shape
         if self.held:
-            control = np.broadcast_to(self._all[0, self._run, rows], self._shape)
+            control = np.broadcast_to(table[0, self._run[:, None], rows], (count, size, len(steps), nu))
         else:
-            control = self._all[self._slot[:, None], self._run[None], rows[None]]
+            control = table[self._slot[:, None, None], self._run[None, :, None], rows[None]]
         if self._shoves is not None:
-            control = control + self._shoves[:, :, max(interval, 0)]
-        return np.asarray(control.reshape(count * size, nu))
+            control = control + _mean([self._shoves[:, :, self.interval(steps + later)] for later in together])
+        return np.asarray(control.reshape(count * size, len(steps), nu))
+
+    def interval(self, steps: NDArray[np.int64]) -> NDArray[np.int64]:
+        """The interval that some time steps lie in, the first one for those before it."""
+        return np.asarray(np.maximum(steps // self._substeps, 0))
+
+    def _means(self, together: tuple[int, ...]) -> Array:
+        """Means of controls over some steps around each step of whole runs, ``(U, R, T', nu)``; the ends are held."""
+        if together not in self._known:
+            length = self._all.shape[2]
+            steps = np.arange(length + max(0, -min(together)))
+            rows = [np.clip(steps + later, 0, length - 1) for later in together]
+            self._known[together] = _mean([self._all[:, :, some] for some in rows])
+        return self._known[together]
 
 
 class Inputs:
@@ -107,8 +127,11 @@ class Inputs:
     ) -> None:
         self._control = controls
         force = added(segments.take("force"), [candidate.force for candidate in candidates])
-        self._force = force.reshape(-1, *force.shape[2:]) if force.any() else None
-        self._steady = steady if steady is not None and steady.any() else None
+        force = force.reshape(-1, *force.shape[2:])
+        self._force = force if force.any() else None
+        self._steady = np.zeros_like(force[:, :1]) if steady is None else steady[:, None]
+        self.pushes = self._force is not None or bool(self._steady.any())
+        """Whether there is any force."""
         self._substeps, self._stride, self._late = substeps, stride, late
 
     @property
@@ -116,23 +139,33 @@ class Inputs:
         """Whether no input changes between two rows."""
         return self._control.held and not self._late
 
-    def __call__(self, row: int, after: int, substep: int) -> tuple[Array, Array | float]:
-        """Controls ``(N * S, nu)`` and forces ``(N * S, nv)`` of a time step from one row to another."""
-        taken = self._taken(row, after, substep)
-        control = _mean([self._control(interval, i) for interval, i in taken])
-        if self._force is None:
-            return control, 0.0 if self._steady is None else self._steady
-        force = _mean([self._force[:, max(k + i // self._substeps, 0)] for k, i in taken])
-        return control, force if self._steady is None else force + self._steady
+    def __call__(self, edges: Sequence[tuple[int, int]]) -> tuple[Array, Array]:
+        """Controls and forces of the time steps between some pairs of rows.
 
-    def _taken(self, row: int, after: int, substep: int) -> list[tuple[int, int]]:
-        """Whose inputs a time step takes: intervals, and steps in them; -1 is the one before."""
+        Args:
+            edges: M pairs of rows that are as far apart; there is one time step between them where that is more than 1.
+
+        Returns:
+            Controls ``(N * S, M * substeps, nu)`` and forces ``(N * S, M * substeps, nv)``, or ``(N * S, 1, nv)`` where
+            they never change.
+        """
+        together = self._together(edges[0][1] - edges[0][0])
+        rows = np.array([row for row, _ in edges])
+        steps = (rows[:, None] * self._substeps + np.arange(self._substeps)).ravel()
+        control = self._control(steps, together)
+        if self._force is None:
+            return control, self._steady
+        force = _mean([self._force[:, self._control.interval(steps + later)] for later in together])
+        return control, force + self._steady
+
+    def _together(self, intervals: int) -> tuple[int, ...]:
+        """Whose inputs a time step takes, counted in steps from its first; where inputs are late, half before it."""
         if not self._late:
-            return [(r, substep) for r in range(row, after)]
+            return tuple(range(intervals))
         if self._stride == 1:
-            return [(row, substep - 1), (row, substep)]
+            return (-1, 0)
         half = self._stride // 2, (self._stride + 1) // 2
-        return [(r - back, 0) for back in half for r in range(row, after)]
+        return tuple(sorted(k - back for back in half for k in range(intervals)))
 
 
 def _mean(columns: list[Array]) -> Array:

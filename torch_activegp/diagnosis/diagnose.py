@@ -104,7 +104,7 @@ def _report(
     say("forecasting held-out runs", 0.85)
     chosen = judgement.fit if judgement.verdict in ("named", "tie") else nominal
     engine = explanation.engine.without_leapfrog()  # which `corrected.xml` cannot ask of MuJoCo
-    models = {"before": (engine, NOMINAL), "after": (engine, chosen.candidate)}
+    models = {"before": (engine, NOMINAL), "after": (engine, chosen.candidate if chosen.effects else NOMINAL)}
     outcome = _remainder(explanation, judgement, chosen)
     if outcome is not None and outcome.effect is not None:
         models["gp"] = (engine, outcome.on(chosen.candidate))

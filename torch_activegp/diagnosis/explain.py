@@ -48,6 +48,8 @@ _QUIETER = 3
 """How often noise is taken anew."""
 _ENOUGH = 600.0
 """Chi2 above the noise by which the first names are found, on a part of the data where there is twice as much,"""
+_NOISE_ALONE = 1.1
+"""per degree of freedom are noise: what else there may be is looked for on all data,"""
 _FEWEST = 12
 """but on no fewer segments: six of twenty led astray where three effects are hidden."""
 
@@ -151,13 +153,14 @@ def _start(
         here = nominal.pick(which)
         rough = part.fit([((), ())], here.starts, design=here.design)[0]
         chosen = select(part, effects, rough, tell=tell, depth=Depth(rounds=1))
-        if chosen.best.effects:
-            part = part.corrected(engine, chosen.best)  # the error of its form behind the nominal is another one
-            rough = part.fit([((), ())], rough.starts, design=rough.design)[0]
-            sets, free, states = _leaders(chosen), chosen.score.free, chosen.best.starts
-            chosen = select(part, effects, rough, sets, states, tell, free, Depth(swaps=0))  # swaps come with all data
+        if chosen.best.effects and chosen.score.scale > _NOISE_ALONE:
+            sets, free = _leaders(chosen), chosen.score.free  # behind them another form may agree better
+            engine, shooting, nominal, judged = numerics.choose(segments, noise, nominal, nominal, sets)
+            part, here, states = shooting.pick(which), nominal.pick(which), judged.starts[which]
+            chosen = select(part, effects, here, sets, states, tell, free, Depth(swaps=0))  # swaps come with all data
         sets, free = _leaders(chosen), chosen.score.free
-        if segments.far_off(nominal.per_segment, _FAR / 4).any():
+        halved = segments.size > _uncut(machine).size
+        if halved and segments.far_off(nominal.per_segment, _FAR / 4).any():
             segments, nominal = _longest(machine, numerics, noise, _TOO_FAR)
         engine, shooting, nominal, judged = numerics.choose(segments, noise, nominal, nominal, sets)
     return _Start(engine, shooting, nominal, sets, judged.starts, free)
@@ -247,13 +250,16 @@ def _leaders(selection: Selection) -> Sets:
     return [(fit.effects, fit.values) for fit in near if fit.effects]
 
 
+def _uncut(machine: Machine) -> Segments:
+    return cut(machine.fit, max(SECONDS, ROWS * median_step(machine.fit)), PAD)
+
+
 def _longest(machine: Machine, numerics: Numerics, noise: NoiseModel, too_far: float) -> tuple[Segments, Fit]:
     """The longest segments over which the nominal stays close enough for a linearisation to mean something.
 
     A segment is halved where the nominal is too far from it, or where a small error of the initial state grows much.
     """
-    step = median_step(machine.fit)
-    segments = cut(machine.fit, max(SECONDS, ROWS * step), PAD)
+    segments = _uncut(machine)
     forms = [numerics.coarse, *([numerics.late] if numerics.late is not None else [])]
     while True:
         fits = [(_nominal(Shooting(form, segments, noise)), form) for form in forms]

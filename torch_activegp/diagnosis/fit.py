@@ -13,7 +13,7 @@ from torch_activegp.diagnosis.runs import Array
 from torch_activegp.physics.effect import Effect
 
 
-@dataclasses.dataclass(frozen=True)
+@dataclasses.dataclass(frozen=True, eq=False)
 class Fit:
     """A set of effects fitted to segments.
 

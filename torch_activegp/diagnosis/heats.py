@@ -51,6 +51,19 @@ def heat(shooting: Shooting, sets: Sequence[Set], fit: Fit, score: Score) -> lis
     return [some for some, price in priced if 0.0 <= price <= _CLEAR] + passed
 
 
+def seen_on(shooting: Shooting, fit: Fit, score: Score) -> tuple[Shooting, Fit]:
+    """A part of the data on which what is worth a name on all of them stands out, and the fit there.
+
+    Half of them are those that the fit explains worst. All where little is missing; and where something is tuned, for
+    its corrections cost little more than what noise gains.
+    """
+    least = 0.0 if score.free else score.cheapest
+    if least <= _CLEAR:
+        return shooting, fit
+    part, which = shooting.subset(max(_CLEAR / least, PART), fit.per_segment)
+    return part, fit.pick(which)
+
+
 def near(part: Shooting, sets: Sequence[Set], here: Fit, bars: Sequence[float]) -> list[Set]:
     """Those of some sets whose chi2 on a part of the data is below that of a fit and a bar on top, one for each."""
     trials = part.fit(sets, here.starts, race=True, design=here.design, below=here)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import functools
 
 import numpy as np
 from numpy.typing import NDArray
@@ -33,6 +34,11 @@ class Linearization:
     control: Array
     positions: NDArray[np.int64]
     velocities: NDArray[np.int64]
+
+    def pick(self, which: NDArray[np.int64]) -> Linearization:
+        """The same around some of the segments."""
+        names = ("states", "transition", "force", "control")
+        return dataclasses.replace(self, **{name: getattr(self, name)[which] for name in names})
 
     def respond(self, inputs: Array) -> Array:
         """Changes of the recorded positions by inputs ``(S, K, n, A)`` to the states: ``(S, K + 1, C, A)``."""
@@ -77,11 +83,12 @@ class Linearization:
         return out
 
 
+@functools.lru_cache(maxsize=2)
 def linearize(shooting: Shooting, fit: Fit) -> Linearization:
     """Finite differences over single intervals, all of them side by side.
 
     Around the trajectories of the fit, and where these are far from the recording, around the smoothed recording: what
-    a law does depends on where the machine was.
+    a law does depends on where the machine was. The last two are kept: testing, judging and locating ask for the same.
     """
     engine, segments = shooting.differences, shooting.segments
     model, channels = engine.model, engine.channels

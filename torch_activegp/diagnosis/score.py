@@ -65,8 +65,17 @@ class Score:
         named = [effect for effect in effects if effect.key not in self.free]
         parameters = sum(len(effect.parameters) for effect in named)
         nuisances = sum(len(effect.parameters) for effect in effects) - parameters
-        a_name = max(2.0 * math.log(max(self.names, 2)), least)
-        return parameters * max(self.a_parameter, least) + nuisances * self.a_parameter + len(named) * a_name
+        return parameters * max(self.a_parameter, least) + nuisances * self.a_parameter + len(named) * self.a_name
+
+    @property
+    def cheapest(self) -> float:
+        """What one more name with one parameter must gain."""
+        return max(self.a_parameter, self.least) + self.a_name
+
+    @property
+    def a_name(self) -> float:
+        """What a name must gain, its parameters apart."""
+        return max(2.0 * math.log(max(self.names, 2)), self.least)
 
     @property
     def least(self) -> float:

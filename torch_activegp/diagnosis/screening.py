@@ -69,6 +69,11 @@ class Screen:
                 chosen[atom.effect] = atom
         return sorted(chosen.values(), key=lambda atom: -atom.gain)
 
+    def times(self, factor: float) -> Screen:
+        """The same on so many times the data."""
+        atoms = tuple(dataclasses.replace(atom, gain=factor * atom.gain) for atom in self.atoms)
+        return Screen(atoms, factor * self.normal, factor * self.gradient)
+
     def joint_gain(self, atoms: Sequence[Atom]) -> float:
         """What several atoms gain together."""
         return self.together(atoms)[0]
@@ -112,14 +117,15 @@ def screen(shooting: Shooting, fit: Fit, effects: Sequence[Effect]) -> Screen:
         fit: what is there already.
         effects: what could come.
     """
-    rows = [(shooting.pick(some), fit.pick(some)) for some in _parts(shooting, fit.size + sum(map(_width, effects)))]
-    known = [linearize(*rows[0])] if len(rows) == 1 else None  # of several parts, one at a time has room
-    seeds = _scanned(rows, known or (linearize(*row) for row in rows), effects)
+    parts = _parts(shooting, fit.size + sum(map(_width, effects)))
+    linear = linearize(shooting, fit)
+    rows = [(shooting.pick(some), fit.pick(some), linear.pick(some)) for some in parts]
+    seeds = _scanned(rows, effects)
     plan = [(e, seed, max(e.linear, 1)) for e in effects for seed in [*e.seeds, *seeds.get(e, [])]]
     wanted = [(e, values) for e, seed, _ in plan for values in unit_values(e, seed)]
     memory = remembered(wanted, shooting)
     normal, gradient = np.zeros((0, 0)), np.zeros(0)
-    for (part, here), around in zip(rows, known or (linearize(*row) for row in rows), strict=True):
+    for part, here, around in rows:
         blocks = (
             around.respond_to_start(),
             parameter_columns(part, here),
@@ -148,15 +154,13 @@ def _width(effect: Effect) -> int:
     return len(effect.seeds) * max(effect.linear, 1)
 
 
-def _scanned(
-    rows: Sequence[tuple[Shooting, Fit]], linear: Iterable[Linearization], effects: Sequence[Effect]
-) -> dict[Effect, Array]:
+def _scanned(rows: Sequence[tuple[Shooting, Fit, Linearization]], effects: Sequence[Effect]) -> dict[Effect, Array]:
     """Seeds that the recordings show, of the effects that look for them."""
     looking = [e for e in effects if isinstance(e, JointEffect) and type(e).scan is not Effect.scan]
     if not looking:
         return {}
     pulls, positions = [], []
-    for (part, here), around in zip(rows, linear, strict=True):
+    for part, here, around in rows:
         start, white = part.whiten_columns(around.respond_to_start()), part.residual_of(here)
         clean = eliminate(start, start[..., :0], white)
         left = white - np.einsum("smn,sn->sm", clean.basis, np.einsum("smn,sm->sn", clean.basis, white))

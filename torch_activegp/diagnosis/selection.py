@@ -11,7 +11,7 @@ import numpy as np
 
 from torch_activegp.diagnosis.compared import Selection, compare, fitted
 from torch_activegp.diagnosis.fit import Fit
-from torch_activegp.diagnosis.heats import CLOSE, heat
+from torch_activegp.diagnosis.heats import CLOSE, heat, seen_on
 from torch_activegp.diagnosis.proposals import (
     MOST,
     Set,
@@ -132,7 +132,8 @@ def _search(
         for fit in beam:
             expanded.add(frozenset(fit.effects))
             lost = bool(fit.effects) and _hopeless(selection, shooting, 2)
-            if selection.score.names_in(fit.effects) < MAX_EFFECTS and not lost:
+            room = selection.score.names_in(fit.effects) < MAX_EFFECTS and selection.may_pay(fit, shooting.dof)
+            if room and not lost:
                 tell(f"testing what comes on top of {len(fit.effects)} effects")
                 _expand(selection, shooting, effects, fit)
         _simplify(selection, shooting, effects)
@@ -179,7 +180,8 @@ def _only_undoes(selection: Selection, shooting: Shooting) -> bool:
 
 def _expand(selection: Selection, shooting: Shooting, effects: Sequence[Effect], fit: Fit) -> None:
     """Fits the most promising sets that contain a fit and something more."""
-    screened = screen(shooting, fit, allowed(effects, fit))
+    part, here = seen_on(shooting, fit, selection.score)
+    screened = screen(part, here, allowed(effects, fit)).times(shooting.segments.size / part.segments.size)
     most = max(MOST, _CHEAP // shooting.segments.size)
     proposed = [*_proposals(selection, fit, screened, most), *richer(fit, effects)]
     if selection.score.names_in(fit.effects) < len(fit.effects):

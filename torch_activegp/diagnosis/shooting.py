@@ -21,7 +21,7 @@ ROUNDS = 30
 """Simulations of a fit at most, one after the other; where joints stick and slip, 20 ended half-way."""
 
 
-@dataclasses.dataclass(frozen=True)
+@dataclasses.dataclass(frozen=True, eq=False)
 class Shooting:
     """The likelihood of positions.
 

@@ -64,9 +64,10 @@ class Stepping:
             self._at_once(states, group)
 
     def _groups(self) -> Iterator[range]:
-        """Steps of the same length in all simulations, no more of them together than memory wants."""
+        """Steps of the same length and as many rows in all simulations, no more together than memory wants."""
+        apart = np.diff(self._edges, axis=1)[:, 0]
         change = np.abs(np.diff(self._steps, axis=1)) > _EVEN * self._steps[:, 1:]
-        ends = [0, *(np.flatnonzero(change.any(axis=0)) + 1), self._steps.shape[1]]
+        ends = [0, *(np.flatnonzero(change.any(axis=0) | (np.diff(apart) != 0)) + 1), self._steps.shape[1]]
         views = self._views.values()
         most = max(_BYTES // (8 * self._substeps * sum(view.size for view in views)), 1)
         for first, last in itertools.pairwise(ends):
@@ -75,21 +76,17 @@ class Stepping:
 
     def _at_once(self, states: Array, group: range) -> None:
         """Advances through a group of steps in one call."""
-        spec, table = int(mujoco.mjtState.mjSTATE_CTRL), []
+        spec = int(mujoco.mjtState.mjSTATE_CTRL)
         self._time_step[:] = self._steps[:, group.start]
-        for k in group:
-            for j in range(1 if self._inputs.held else self._substeps):
-                control, force = self._inputs(*self._edges[k], j)
-                if isinstance(force, np.ndarray):
-                    spec |= int(mujoco.mjtState.mjSTATE_QFRC_APPLIED)
-                    control = np.concatenate([control, force], axis=1)
-                table.append(control)
-        columns = np.stack(table, axis=1)
-        if self._inputs.held:
-            columns = np.repeat(columns, self._substeps, axis=1)
+        edges = self._edges[group.start : group.stop]
+        columns, force = self._inputs(edges)
+        if self._inputs.pushes:
+            spec |= int(mujoco.mjtState.mjSTATE_QFRC_APPLIED)
+            shape = (*columns.shape[:2], force.shape[2])
+            columns = np.concatenate([columns, np.broadcast_to(force, shape)], axis=2)
         self._views["qfrc_applied"][:] = 0.0
         every = slice(self._substeps - 1, None, self._substeps)
-        rows = [self._edges[k][1] for k in group]
+        rows = [after for _, after in edges]
         nq = self._views["qpos"].shape[1]
         out = {
             "qpos": np.full((*columns.shape[:2], nq), np.nan),
@@ -109,8 +106,9 @@ class Stepping:
         for k, (row, after) in enumerate(self._edges):
             self._time_step[:] = self._steps[:, k]
             step = Step(position, velocity, control, force, self._field, self._steps[:, k])
+            controls, forces = self._inputs([(row, after)])
             for j in range(calls):
-                control[:], force[:] = self._inputs(row, after, j)
+                control[:], force[:] = controls[:, j], forces[:, min(j, forces.shape[1] - 1)]
                 for act in self._acting:
                     act(step)
                 try:
