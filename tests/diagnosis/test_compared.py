@@ -120,3 +120,15 @@ def test_what_is_far_from_the_best_is_not_fitted_once_more(bench, found, monkeyp
     assert len(asked) == 1
     assert found.within(stuck) is found.fits[1]
     assert found.within(fit) is None
+
+
+@pytest.mark.parametrize(("above", "pays"), [(0.9, False), (1.1, True)])
+def test_a_fit_that_leaves_less_than_a_name_costs_is_not_developed(bench, found, above, pays) -> None:
+    """Beyond a tenth of the noise, for no closer is its level known."""
+    dof = bench.shooting.dof
+    found.score = dataclasses.replace(found.score, mismatch=3.0 * dof / 0.006)
+    fit = dataclasses.replace(bench.nominal, chi2=0.9 * dof + above * 3.0 * dof)
+    assert found.score.cheapest == pytest.approx(3.0 * dof)
+    assert found.may_pay(fit, dof) == pays
+    found.score = dataclasses.replace(found.score, free=frozenset({("viscous_friction", "joint:hip")}))
+    assert found.may_pay(fit, dof)  # corrections of a tuning cost little

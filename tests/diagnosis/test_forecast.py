@@ -100,3 +100,14 @@ def test_one_step_begins_where_the_machine_was_and_not_where_a_wrong_sensor_saw_
     unaware, errors = (np.concatenate(some) for some in both)
     assert np.abs(errors).max() < 10 * bench.noise
     assert (unaware**2).mean() > 4 * (errors**2).mean()
+
+
+def test_a_model_that_is_another_one_too_is_simulated_once(bench) -> None:
+    begun = bench.engine.work
+    run, noise = bench.machine.holdout[:1], bench.shooting.noise
+    alone, _ = compare({"before": (bench.engine, NOMINAL)}, run, ["hip"], noise)
+    work = bench.engine.work - begun
+    both, (trace,) = compare({"before": (bench.engine, NOMINAL), "after": (bench.engine, NOMINAL)}, run, ["hip"], noise)
+    assert bench.engine.work - begun == 2.0 * work
+    assert both["free_run"]["after"] == both["free_run"]["before"] == alone["free_run"]["before"]
+    assert trace["after"] == trace["before"]

@@ -1,9 +1,11 @@
 from __future__ import annotations
 
+import dataclasses
+
 import numpy as np
 import pytest
 
-from torch_activegp.diagnosis.heats import heat, near
+from torch_activegp.diagnosis.heats import heat, near, seen_on
 from torch_activegp.diagnosis.score import Score
 
 WET, LOAD = "viscous_friction", "constant_force"
@@ -40,3 +42,14 @@ def test_nearness_is_judged_by_the_part(bench, sets) -> None:
     assert names(near(part, sets, here, [-20.0, -20.0])) == [WET]
     assert names(near(part, sets, here, [20.0, 20.0])) == [WET, LOAD]
     assert names(near(part, sets, here, [-1e9, 20.0])) == [LOAD]
+
+
+def test_what_is_worth_much_is_looked_for_on_a_part_with_the_worst_segments(bench) -> None:
+    score = Score(bench.shooting.samples, 20, 1.0)
+    assert seen_on(bench.shooting, bench.nominal, score) == (bench.shooting, bench.nominal)
+    dear = dataclasses.replace(score, mismatch=1e6)
+    part, here = seen_on(bench.shooting, bench.nominal, dear)
+    assert part.segments.size == len(here.per_segment) < bench.segments.size
+    assert here.per_segment.max() == bench.nominal.per_segment.max()
+    tuned = dataclasses.replace(dear, free=frozenset({("viscous_friction", "joint:hip")}))
+    assert seen_on(bench.shooting, bench.nominal, tuned)[0] is bench.shooting

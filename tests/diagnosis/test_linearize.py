@@ -69,3 +69,16 @@ def test_the_pull_is_the_transpose_of_the_response_to_a_force(linear) -> None:
     gradient = rng.normal(size=(len(force), force.shape[1] + 1, 1))
     moved = linear.respond_to_force(0, force[..., None])[..., 0]
     assert (force * linear.pull(gradient)[..., 0]).sum() == pytest.approx((moved * gradient).sum(), rel=1e-9)
+
+
+def test_some_segments_of_a_linearization_are_those_of_their_own(bench, linear) -> None:
+    which = np.array([0, 3])
+    own, picked = linearize(bench.shooting.pick(which), bench.nominal.pick(which)), linear.pick(which)
+    for name in ("states", "transition", "force", "control"):
+        np.testing.assert_allclose(getattr(picked, name), getattr(own, name), rtol=1e-6, atol=1e-12)
+
+
+def test_the_same_question_is_answered_once(bench) -> None:
+    first, work = linearize(bench.shooting, bench.nominal), bench.shooting.work
+    assert linearize(bench.shooting, bench.nominal) is first
+    assert bench.shooting.work == work

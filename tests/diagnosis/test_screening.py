@@ -89,3 +89,12 @@ def test_a_wave_that_no_list_of_numbers_holds_is_found(clean, periods: float) ->
     found = [atom.gain for atom in atoms if abs(atom.seed[2] - periods) < close]
     assert np.abs(effect.seeds[:, 2] - periods).min() > close
     assert max(found) > 0.8 * max(atom.gain for atom in atoms)
+
+
+def test_gains_on_a_part_are_told_as_on_all_data(screened) -> None:
+    twice = screened.times(2.0)
+    one, two = screened.best()[:2], twice.best()[:2]
+    assert [a.gain for a in two] == pytest.approx([2.0 * a.gain for a in one])
+    (gain, values), (more, same) = screened.together(one), twice.together(two)
+    assert more == pytest.approx(2.0 * gain)
+    np.testing.assert_allclose(np.concatenate(same), np.concatenate(values))

@@ -7,9 +7,9 @@ import pytest
 from torch_activegp.data import Recording
 from torch_activegp.diagnosis.compared import Selection
 from torch_activegp.diagnosis.fit import Fit
+from torch_activegp.diagnosis.linearize import linearize
 from torch_activegp.diagnosis.machine import make_machine
 from torch_activegp.diagnosis.noise_model import NoiseModel
-from torch_activegp.diagnosis.linearize import linearize
 from torch_activegp.diagnosis.score import Score
 from torch_activegp.diagnosis.segments import cut
 from torch_activegp.diagnosis.selection import Depth, _search, _seems_tuned, select

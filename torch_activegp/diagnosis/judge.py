@@ -23,8 +23,9 @@ LEAST_SHARE = 0.002
 """What explains less of the mismatch stays in the correction and is not named, unless it is much of what is left."""
 INADEQUATE = 0.15
 """A set that leaves more of the mismatch than this does not explain it."""
-SEEN = 0.08
-"""The same where what is left is large against the noise too. One or two right names leave up to 0.04."""
+SEEN = 0.06
+"""The same where what is left is large against the noise too. One or two right names leave up to 0.053, and a name that
+stands for what is not on the list 0.065."""
 MANY, SEEN_BEHIND_MANY = 3, 0.03
 """The same behind so many names: together they imitate much that is not on the list. Right ones left up to 0.01."""
 CROWDED = 0.04
