@@ -73,3 +73,34 @@ def test_a_set_of_effects_is_fitted_again_behind_better_states(bench) -> None:
     again = chained(bench.shooting, stuck)
     assert again.chi2 == pytest.approx(fit.chi2, rel=1e-3)
     np.testing.assert_allclose(again.values[0], fit.values[0], rtol=1e-3)
+
+
+STUCK = """
+<mujoco><option timestep="0.001" integrator="RK4"/><default><joint solreffriction="0.004 1"/></default><worldbody>
+<body name="sled"><joint name="x" type="slide" axis="1 0 0" damping="2" frictionloss="3"/>
+<geom type="sphere" size="0.05" mass="2" contype="0" conaffinity="0"/></body></worldbody>
+<actuator><motor name="coil" joint="x"/></actuator></mujoco>"""
+
+
+def test_a_joint_that_friction_holds_may_begin_at_rest() -> None:
+    """A segment that begins creeping lets go at another instant, and no derivative leads back to standing still."""
+    model = mujoco.MjModel.from_xml_string(STUCK)
+    data, rng = mujoco.MjData(model), np.random.default_rng(0)
+    time = np.arange(501) / 100
+    control = 5.0 * np.cos(2 * np.pi * 0.7 * time) * np.minimum(time, 1.0)
+    position = []
+    for force in control:
+        position.append(data.qpos[0])
+        data.ctrl[:] = force
+        mujoco.mj_step(model, data, 10)
+    columns = {"time": time, "qpos.x": np.array(position) + 2e-5 * rng.normal(size=501), "ctrl.coil": control}
+    recording = Recording.from_columns("sticks", columns)
+    machine = make_machine(model, [recording], [recording])
+    engine = Engine(model, machine.channels, 10, 1)
+    shooting = Shooting(engine, cut(machine.fit, 1.0, 0.1), NoiseModel.white(np.array([2e-5])))
+    begun = engine.starts(shooting.segments)
+    begun[0] = 0.0, -1.0  # there is no segment before that one
+    fit = shooting.fit([((), ())], begun, rounds=6)[0]
+    assert fit.per_segment[0] > 30 * shooting.segments.samples[0]
+    again = chained(shooting, fit)
+    assert again.chi2 / shooting.dof < 1.1

@@ -22,27 +22,6 @@ def machine(bench, integrator: str, step: float, joint: str = ""):
     return dataclasses.replace(bench.machine, model=mujoco.MjModel.from_xml_string(text))
 
 
-def test_the_forms_of_a_model(bench) -> None:
-    made = Numerics.of(machine(bench, "Euler", 0.001), 1)
-    assert (made.given.model.opt.integrator, made.given.substeps) == (EULER, 10)
-    assert (made.fine.model.opt.integrator, made.fine.substeps) == (RK4, 10)
-    assert (made.middle.model.opt.integrator, made.middle.substeps) == (RK4, 2)
-    assert (made.coarse.model.opt.integrator, made.coarse.substeps) == (EULER, 2)
-    assert made.late is not None
-    assert (made.late.late, made.late.substeps) == (True, 2)
-    assert made.finest is not None
-    assert (made.finest.late, made.finest.substeps) == (True, 20)
-    assert made.quick is not None
-    assert (made.quick.late, made.quick.substeps) == (True, 8)
-    off = int(mujoco.mjtDisableBit.mjDSBL_CONTACT)  # nothing touches: a form that stands in need not look for it
-    assert [bool(form.model.opt.disableflags & off) for form in (made.finest, made.quick)] == [False, True]
-    assert Numerics.of(machine(bench, "Euler", 0.0001), 1).finest is None  # its own steps are short enough
-    made = Numerics.of(machine(bench, "RK4", 0.005), 1)
-    assert made.coarse.model.opt.integrator == FAST
-    assert made.fine is made.given
-    assert made.middle is made.fine
-
-
 def test_a_coarsely_integrated_model_yields_to_the_fine_one(clean) -> None:
     made = Numerics.of(machine(clean, "Euler", 0.01), 1)
     engine, shooting, nominal, judged = made.choose(clean.segments, clean.shooting.noise, clean.nominal, clean.nominal)
@@ -73,16 +52,6 @@ def test_the_numerics_are_judged_with_a_set_where_one_is_given(bench) -> None:
     assert judged.chi2 / shooting.dof == pytest.approx(1.0, abs=0.2)
 
 
-def test_where_a_leapfrog_is_of_first_order_short_steps_are_runge_kuttas(clean, monkeypatch) -> None:
-    monkeypatch.setattr("torch_activegp.diagnosis.numerics.is_of_second_order", lambda model: False)
-    made = Numerics.of(machine(clean, "Euler", 0.01, 'frictionloss="0.6"'), 1)
-    for form, steps in ((made.finest, 8), (made.firm, 20)):
-        assert form is not None
-        assert (form.late, form.model.opt.integrator, form.substeps) == (False, RK4, steps)
-    assert (made.quick, made.firm_quick) == (None, None)
-    assert made.late is not None
-
-
 @pytest.mark.parametrize("form", ["firm", "fine", "given"])
 def test_dry_friction_of_the_model_may_stick_more_firmly_on_the_machine(clean, form: str) -> None:
     """MuJoCo's default lets a stuck joint creep, which is no missing friction."""
@@ -96,15 +65,3 @@ def test_dry_friction_of_the_model_may_stick_more_firmly_on_the_machine(clean, f
     engine, working, _, judged = made.choose(shooting.segments, QUIET, nominal, nominal)
     assert engine is truth
     assert judged.chi2 / working.dof == pytest.approx(1.0, abs=0.25)
-
-
-def test_a_model_without_friction_has_no_firm_form(clean) -> None:
-    assert Numerics.of(machine(clean, "Euler", 0.005), 1).firm is None
-
-
-def test_firm_friction_is_as_firm_as_that_of_short_steps(clean) -> None:
-    """Whatever the model's own time step."""
-    firm = Numerics.of(machine(clean, "Euler", 0.01, 'frictionloss="0.6"'), 1).firm
-    assert firm is not None
-    assert firm.model.dof_solref[0, 0] == pytest.approx(0.0005)
-    assert (firm.substeps, firm.late) == (40, True)

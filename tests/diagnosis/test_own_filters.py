@@ -8,7 +8,8 @@ import pytest
 
 from torch_activegp.data import Recording
 from torch_activegp.diagnosis.candidate import NOMINAL, Candidate
-from torch_activegp.diagnosis.engine import Engine, begin_drives
+from torch_activegp.diagnosis.engine import Engine
+from torch_activegp.diagnosis.forms import begin_drives
 from torch_activegp.diagnosis.machine import Machine, make_machine
 from torch_activegp.diagnosis.own_filters import own_filters, without_filters
 from torch_activegp.diagnosis.places import effects_for

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from typing import Self
 
 import numpy as np
 from numpy.typing import NDArray
@@ -66,6 +67,10 @@ class BlackBoxEngine(Engine):
         states[~np.isfinite(states).all(axis=(1, 2))] = np.nan
         table = states.reshape(count, size, intervals + 1, self.state_size)
         return table if _even(segments.dt, self._interval) else _at(table, segments.dt, self._interval)
+
+    def in_longer_steps(self, seconds: float, interval: float) -> BlackBoxEngine:
+        """Itself: the simulator steps as it does."""
+        return self
 
     @property
     def _interval(self) -> float:
@@ -222,7 +227,7 @@ class GivenNumerics(Numerics):
     """
 
     @classmethod
-    def of(cls, machine: Machine, nthread: int = 0) -> Numerics:
+    def of(cls, machine: Machine, nthread: int = 0) -> Self:
         """Makes them for a machine whose model is a black box."""
         assert machine.box is not None
         substeps = substeps_for(machine.model, machine.fit)

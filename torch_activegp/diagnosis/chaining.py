@@ -1,4 +1,4 @@
-"""Initial states from the segment before: a way out where the smoothed recording misleads, as it does at an impact."""
+"""Initial states from the segment before, or at rest: ways out where the smoothed recording misleads."""
 
 from __future__ import annotations
 
@@ -20,10 +20,11 @@ _BETTER = 0.5
 
 
 def chained(shooting: Shooting, fit: Fit) -> Fit:
-    """The fit with segments that stand out begun where the segments before them lead, wherever that is better.
+    """The fit with segments that stand out begun where the segments before them lead, or at rest, where that is better.
 
     The speed at an impact is not what a smoothed recording shows, and no derivative leads from one side of an impact to
-    the other. The simulation of the segment before knows on which side the machine was.
+    the other. The simulation of the segment before knows on which side the machine was. Nor does one lead to a joint
+    that dry friction holds: a smoothed recording shows it creeping.
 
     Args:
         shooting: the likelihood.
@@ -35,12 +36,16 @@ def chained(shooting: Shooting, fit: Fit) -> Fit:
         which = np.flatnonzero(level > _STANDS_OUT * max(float(np.median(level)), 1.0))
         if not len(which):
             break
-        starts = _continued(shooting, fit)[which]
-        other = shooting.pick(which).fit([(fit.effects, fit.values)], starts, rounds=_STEPS, hold=True)[0]
-        better = other.per_segment < fit.per_segment[which] - _BETTER
-        if not better.any():
+        starts = np.stack([_continued(shooting, fit)[which], *_at_rest(shooting.pick(which))])
+        sets = [(fit.effects, fit.values)] * len(starts)
+        others = shooting.pick(which).fit(sets, starts, rounds=_STEPS, hold=True)
+        best = np.argmin([other.per_segment for other in others], axis=0)
+        better = False
+        for number, other in enumerate(others):
+            mine = (best == number) & (other.per_segment < fit.per_segment[which] - _BETTER)
+            fit, better = _with(fit, which[mine], other.pick(mine)), better or bool(mine.any())
+        if not better:
             break
-        fit = _with(fit, which[better], other.pick(better))
     return shooting.fit([(fit.effects, fit.values)], fit.starts)[0] if fit is not before and fit.effects else fit
 
 
@@ -62,3 +67,13 @@ def _continued(shooting: Shooting, fit: Fit) -> Array:
         if segments.run[s] == segments.run[s - 1] and 0 < rows <= segments.intervals:
             starts[s] = along[s - 1, rows]
     return np.where(np.isfinite(starts), starts, fit.starts)
+
+
+def _at_rest(shooting: Shooting) -> list[Array]:
+    """The smoothed recording with all joints at rest, and with each of several, ``(S, n)``."""
+    smooth, dofs = shooting.engine.starts(shooting.segments), shooting.engine.channels.dof
+    out = []
+    for still in [dofs, *([dof] for dof in dofs if len(dofs) > 1)]:
+        out.append(smooth.copy())
+        out[-1][:, shooting.engine.model.nq + np.asarray(still)] = 0.0
+    return out

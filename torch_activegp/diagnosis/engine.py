@@ -20,15 +20,13 @@ from torch_activegp.diagnosis.own_filters import own_filters, without_filters
 from torch_activegp.diagnosis.prescribed_motion import RUNGE_KUTTA, PrescribedMotion, make_heavy
 from torch_activegp.diagnosis.readings import readings
 from torch_activegp.diagnosis.runs import Array, Channels, Run, median_step
-from torch_activegp.diagnosis.segments import Segments, cut
+from torch_activegp.diagnosis.segments import Segments
 from torch_activegp.diagnosis.stepping import Act, Stepping
 from torch_activegp.errors import ConfigurationError
 from torch_activegp.physics.effect import Effect, Index
 from torch_activegp.simulators.mujoco_warnings import warnings_to
 
 _logger = logging.getLogger(__name__)
-_HEAD = 0.5
-"""How much of each run shows with what its drives began, s."""
 _MAX_ROWS = 6000
 _FEW = 64
 _MAX_BYTES = 60_000_000
@@ -94,9 +92,22 @@ class Engine:
         """The same by Runge-Kutta where it is a leapfrog, which MuJoCo alone is not."""
         if not self.late:
             return self
+        made = self._copy()
+        made.model.opt.integrator, made.late = RUNGE_KUTTA, False
+        return made
+
+    def in_longer_steps(self, seconds: float, interval: float) -> Engine:
+        """The same in steps of at least so long in each interval between rows, where it is one of Runge-Kutta's."""
+        fewer = max(int(interval / seconds + 1e-6), 1)
+        if self.model.opt.integrator != RUNGE_KUTTA or fewer >= self.substeps:
+            return self
+        made = self._copy()
+        made.substeps = fewer
+        return made
+
+    def _copy(self) -> Engine:
         made = copy.copy(self)
-        made.model, made.late, made._fields = copy.copy(self.model), False, {}
-        made.model.opt.integrator = RUNGE_KUTTA
+        made.model, made._fields = copy.copy(self.model), {}
         return made
 
     @property
@@ -273,26 +284,9 @@ def _padded(columns: Sequence[Array], channels: Channels, address: int) -> Array
     return np.stack([np.pad(c[:, where[0]], (0, length - len(c)), mode="edge") for c in columns])
 
 
-def begin_drives(engines: Sequence[Engine], runs: Sequence[Run]) -> None:
-    """Lets filters of the model's own drives begin each run empty or filled: as the first engine follows it better."""
-    first = engines[0]
-    if not first.filters:
-        return
-    pieces = cut(runs, _HEAD, 0.0)
-    heads = pieces.pick(np.flatnonzero(pieces.first == 0))
-    errors = []
-    for empty in (False, True):
-        first.filters = tuple(own._replace(empty=empty) for own in first.filters)
-        predicted, _ = first.predict(heads, first.starts(heads)[None], [NOMINAL])
-        far = (predicted[0] - heads.position) / np.mean([run.noise for run in runs], axis=0)
-        errors.append(float(np.nan_to_num(far[heads.counts] ** 2, nan=np.inf).sum()))
-    for engine in engines:
-        engine.filters = tuple(own._replace(empty=errors[1] < errors[0]) for own in engine.filters)
-
-
 def substeps_for(model: mujoco.MjModel, runs: Sequence[Run]) -> int:
     """Time steps of the model in the median interval between rows."""
     return max(round(median_step(runs) / model.opt.timestep), 1)
 
 
-__all__ = ["NOMINAL", "Candidate", "Engine", "begin_drives", "substeps_for"]
+__all__ = ["NOMINAL", "Candidate", "Engine", "substeps_for"]

@@ -10,8 +10,9 @@ import mujoco
 from torch_activegp.data import Recording
 from torch_activegp.diagnosis.blackbox import check_clock, check_recordings
 from torch_activegp.diagnosis.blackbox_engine import BlackBoxEngine
-from torch_activegp.diagnosis.engine import NOMINAL, Engine, begin_drives, substeps_for
+from torch_activegp.diagnosis.engine import NOMINAL, Engine, substeps_for
 from torch_activegp.diagnosis.forecast import compare
+from torch_activegp.diagnosis.forms import begin_drives
 from torch_activegp.diagnosis.machine import recording_notes
 from torch_activegp.diagnosis.noise_floor import noise_floor
 from torch_activegp.diagnosis.runs import Channels, make_run

@@ -160,9 +160,11 @@ def _start(
             chosen = select(part, effects, here, sets, states, tell, free, Depth(swaps=0))  # swaps come with all data
         sets, free = _leaders(chosen), chosen.score.free
         halved = segments.size > _uncut(machine).size
-        if halved and segments.far_off(nominal.per_segment, _FAR / 4).any():
+        longer = halved and segments.far_off(nominal.per_segment, _FAR / 4).any()
+        if longer:
             segments, nominal = _longest(machine, numerics, noise, _TOO_FAR)
-        engine, shooting, nominal, judged = numerics.choose(segments, noise, nominal, nominal, sets)
+        if longer or frozenset(chosen.best.effects) != frozenset(judged.effects):
+            engine, shooting, nominal, judged = numerics.choose(segments, noise, nominal, nominal, sets)
     return _Start(engine, shooting, nominal, sets, judged.starts, free)
 
 
@@ -203,7 +205,7 @@ def _finish(
             seen = [(judged.effects, judged.values), *leaders]
             selection = select(shooting, effects, bare, seen, judged.starts, tell, selection.score.free)
     _polish(shooting, selection, effects)
-    fine, firm = engine is not numerics.given, engine is numerics.firm
+    fine, firm = engine is not numerics.given, numerics.sticks(engine)
     return Explanation(engine, shooting, selection, tuple(effects), fine, firm)
 
 

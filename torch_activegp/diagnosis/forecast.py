@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from torch_activegp.diagnosis.engine import Candidate, Engine
 from torch_activegp.diagnosis.noise_model import NoiseModel
-from torch_activegp.diagnosis.runs import Array, Run
+from torch_activegp.diagnosis.runs import Array, Run, median_step
 from torch_activegp.diagnosis.segments import Segments, cut, lay
 from torch_activegp.diagnosis.shooting import Shooting
 
@@ -26,6 +26,8 @@ _EVERY = 0.5
 _PAD = 0.1
 _FIRST = 1.0
 _ROUNDS = 5
+_ROUGHLY = 0.00125
+"""Time steps in which initial states are fitted, s."""
 
 
 def one_step(
@@ -40,9 +42,8 @@ def one_step(
     each = np.arange(windows.size)
     before = np.arange(windows.intervals + 1) <= ends[:, :1]
     seen = dataclasses.replace(windows, counts=windows.counts & before)
-    sets = [(candidate.effects, candidate.values) for candidate in candidates]
-    fits = Shooting(engine, seen, noise).fit(sets, engine.starts(windows), _ROUNDS, hold=True)
-    predicted, _ = engine.predict(windows, np.stack([fit.starts for fit in fits]), candidates)
+    starts = _begun(engine, seen, noise, candidates, engine.starts(windows))
+    predicted, _ = engine.predict(windows, starts, candidates)
     errors = windows.position[each, ends[:, 1]] - predicted[:, each, ends[:, 1]]
     rows = windows.first + ends[:, 1]
     own = [windows.run == number for number in range(len(runs))]
@@ -78,17 +79,25 @@ def free_run(
         For each candidate and each run, positions ``(K + 1, C)``, rad or m, and the initial state, ``(nq + nv,)``.
     """
     whole, pieces = cut(runs, 1e9, 0.0), cut(runs, _FIRST, 0.0)
-    start, sets = engine.starts(whole), [(candidate.effects, candidate.values) for candidate in candidates]
-    heads = pieces.pick(np.flatnonzero(pieces.first == 0))
-    begun = np.stack([fit.starts for fit in Shooting(engine, heads, noise).fit(sets, start, _ROUNDS, hold=True)])
-    shooting = Shooting(engine, whole, noise)
-    first = _better(shooting, candidates, begun, np.broadcast_to(start, begun.shape))
-    starts = np.stack([fit.starts for fit in shooting.fit(sets, first, _ROUNDS, hold=True)])
+    start, heads = engine.starts(whole), pieces.pick(np.flatnonzero(pieces.first == 0))
+    begun = _begun(engine, heads, noise, candidates, start)
+    first = _better(Shooting(engine, whole, noise), candidates, begun, np.broadcast_to(start, begun.shape))
+    starts = _begun(engine, whole, noise, candidates, first)
     predicted, _ = engine.predict(whole, starts, candidates)
     return [
         [(path[i, : len(run)], begin[i]) for i, run in enumerate(runs)]
         for path, begin in zip(predicted, starts, strict=True)
     ]
+
+
+def _begun(
+    engine: Engine, segments: Segments, noise: NoiseModel, candidates: Sequence[Candidate], starts: Array
+) -> Array:
+    """Initial states that fit each candidate best, ``(N, S, nq + nv)``; no shorter time steps make them better."""
+    sets = [(candidate.effects, candidate.values) for candidate in candidates]
+    rough = engine.in_longer_steps(_ROUGHLY, median_step(segments.runs))
+    fits = Shooting(rough, segments, noise).fit(sets, starts, _ROUNDS, hold=True)
+    return np.stack([fit.starts for fit in fits])
 
 
 def _better(shooting: Shooting, candidates: Sequence[Candidate], one: Array, other: Array) -> Array:

@@ -3,35 +3,20 @@
 from __future__ import annotations
 
 import dataclasses
-import math
 from collections.abc import Sequence
 
-import mujoco
 import numpy as np
 
 from torch_activegp.diagnosis.chaining import chained
-from torch_activegp.diagnosis.engine import IMPLICIT_FAST, Engine, begin_drives, substeps_for
+from torch_activegp.diagnosis.engine import Engine
 from torch_activegp.diagnosis.fit import Fit
-from torch_activegp.diagnosis.leapfrog import is_of_second_order
-from torch_activegp.diagnosis.machine import Machine
+from torch_activegp.diagnosis.forms import Forms
 from torch_activegp.diagnosis.noise_model import NoiseModel
-from torch_activegp.diagnosis.prescribed_motion import RUNGE_KUTTA
-from torch_activegp.diagnosis.runs import Array, median_step
+from torch_activegp.diagnosis.runs import Array
 from torch_activegp.diagnosis.segments import Segments
 from torch_activegp.diagnosis.shooting import Shooting
 from torch_activegp.physics.effect import Effect
-from torch_activegp.physics.friction import sticking
 
-_STEP = 0.005
-_STIFF_STEP = 0.001
-_EFFECT_STEP, _HELD_STEP = 0.0005, 0.00125
-"""An effect that is a force is held in each time step: a stop or a play that acts for milliseconds wants short ones,
-and friction sticks as firmly as two of them allow. Leapfrog in the first is more exact than Runge-Kutta in the second
-where it is of second order: 1.1 per dof for 2.4 where a joint sticks and slips at 0.3 mrad."""
-_FIRM_STEP = 0.00025
-"""For friction of the model's own: a joint that sticks and slips at 0.05 mrad noise left 2.3 per dof with Runge-Kutta
-in steps of 0.5 ms, and 0.89, as the noise alone, with leapfrog in half of that."""
-_QUICK = 0.00125
 _CLOSE = 30.0
 _ROUGHLY = 0.1
 """Where a fit leaves much more than the noise, an error of so much of what it leaves is close too."""
@@ -46,38 +31,7 @@ _MUCH, _CLEARLY = 2.0, 0.25
 one form or the other absorbs some of what is missing by chance."""
 _SETTLED = 0.01
 _SAME = 0.02
-_POSES = 300
-_TOUCHING = 0.01
-"""Contact in fewer poses is an accident of noise or of shapes drawn too large."""
 _LIKE_A_TIME_STEP = frozenset({"actuator_delay", "actuator_lag", "sensor_delay"})
-
-
-def _touching(machine: Machine) -> float:
-    """The part of the recorded poses in which something touches, or a joint is at its limit."""
-    model, channels = machine.model, machine.channels
-    data = mujoco.MjData(model)
-    seen = touching = 0
-    for run in (*machine.fit, *machine.holdout):
-        for row in range(0, len(run), max(len(run) // _POSES, 1)):
-            data.qpos[:] = model.qpos0
-            data.qpos[channels.qpos] = run.smooth[row]
-            if channels.prescribed is not None and run.prescribed is not None:
-                data.qpos[channels.prescribed.qpos] = run.prescribed.smooth[row]
-            mujoco.mj_fwdPosition(model, data)
-            seen += 1
-            touching += bool(data.ncon or data.nl)
-    return touching / max(seen, 1)
-
-
-def _steps(interval: float, longest: float) -> int:
-    """Time steps in an interval, of some length at most."""
-    return max(int(np.ceil(interval / longest - 1e-6)), 1)
-
-
-def _cheap(model: mujoco.MjModel) -> int:
-    """The model's integrator, or the implicit one in place of Runge-Kutta's four evaluations."""
-    runge_kutta = model.opt.integrator == RUNGE_KUTTA
-    return IMPLICIT_FAST if runge_kutta else int(model.opt.integrator)
 
 
 Sets = Sequence[tuple[Sequence[Effect], Sequence[Array]]]
@@ -94,81 +48,13 @@ def _without_delays(sets: Sets) -> list[tuple[tuple[Effect, ...], tuple[Array, .
     return out
 
 
-@dataclasses.dataclass(frozen=True)
-class Numerics:
-    """One model in several forms.
+class Numerics(Forms):
+    """Chooses among the forms of a model.
 
     A truth that is integrated more finely than the model looks as if its control came half a time step late. So the
     model as it is competes with the model nearly continuous in time, before anything is named; and while sets are
     compared, a coarse form stands for either, with its error taken out (:meth:`Shooting.corrected`).
-
-    Args:
-        given: the model's own integrator and time step.
-        fine: Runge-Kutta of fourth order; the same object where the model has it already.
-        coarse: the model's own integrator, few steps.
-        middle: Runge-Kutta with few steps, where coarse is not close enough; dry friction wants more of them.
-        stiff: whether something touches in more than 1 % of the recorded poses, or constraints tie bodies together.
-        finest: shorter steps, for sets with effects that are forces held within a step; None for the same as fine.
-        firm: short steps, and the dry friction that its joints have sticks firmly; None where they have none.
-        late: coarse by the leapfrog scheme, which costs as little and is often close where coarse is not; None on a
-            stiff machine, and where it would be the same.
-        quick: leapfrog in longer steps than finest, which then is one too; None where finest is Runge-Kutta's.
-        firm_quick: the same for firm.
     """
-
-    given: Engine
-    fine: Engine
-    coarse: Engine
-    middle: Engine
-    stiff: bool = False
-    finest: Engine | None = None
-    late: Engine | None = None
-    firm: Engine | None = None
-    quick: Engine | None = None
-    firm_quick: Engine | None = None
-
-    @classmethod
-    def of(cls, machine: Machine, nthread: int = 0) -> Numerics:
-        """Makes them for a machine."""
-        model, channels = machine.model, machine.channels
-        step = median_step(machine.fit)
-        few = _steps(step, _STEP)
-        plain, touching = substeps_for(model, machine.fit), _touching(machine)
-        stiff = bool(model.neq or model.ntendon) or touching > _TOUCHING
-        free = touching == 0.0
-        stride = 1 if stiff else max(int(_STEP / step + 1e-6), 1)
-        given = Engine(model, channels, plain, nthread)
-        often = max(few, plain)
-        seldom = _steps(step, _STIFF_STEP) if stiff else few
-        same = model.opt.integrator == RUNGE_KUTTA and often == plain and not given.filters
-        fine = given if same else Engine(model, channels, often, nthread, RUNGE_KUTTA)
-        halfway = max(math.ceil(often / 2), few) if stiff else few
-        coarse = Engine(model, channels, min(seldom, plain), nthread, _cheap(model), stride, contacts=not free)
-        middle = fine
-        if halfway < often:
-            middle = Engine(model, channels, halfway, nthread, RUNGE_KUTTA, contacts=not free)
-
-        late = None
-        if not stiff and (model.nu or model.dof_damping.any()):
-            late = Engine(model, channels, coarse.substeps, nthread, stride=stride, late=True, contacts=not free)
-        leaps = not stiff and is_of_second_order(model)
-
-        def leapfrog(form: mujoco.MjModel, steps: int, contacts: bool = True) -> Engine | None:
-            return Engine(form, channels, steps, nthread, late=True, contacts=contacts) if leaps else None
-
-        short, longer = _steps(step, _EFFECT_STEP if leaps else _HELD_STEP), _steps(step, _QUICK)
-        finest, quick, firm, firm_quick = None, None, None, None
-        if short > often:
-            finest = leapfrog(model, short) or Engine(model, channels, short, nthread, RUNGE_KUTTA)
-            quick = leapfrog(model, longer, contacts=not free)
-        if model.dof_frictionloss.any():
-            short = max(often, _steps(step, _FIRM_STEP if leaps else 2 * _FIRM_STEP))
-            sticks = sticking(model, step / short)
-            firm = leapfrog(sticks, short) or Engine(sticks, channels, short, nthread, RUNGE_KUTTA)
-            firm_quick = leapfrog(sticking(model, step / longer), longer, contacts=not free)
-        forms = (given, fine, coarse, middle, finest, late, firm, quick, firm_quick)
-        begin_drives([engine for engine in forms if engine is not None], machine.fit)
-        return cls(given, fine, coarse, middle, stiff, finest, late, firm, quick, firm_quick)
 
     def choose(
         self,
@@ -221,14 +107,14 @@ class Numerics:
 
     def _cost(self, engine: Engine, fit: Fit, chi2: float, dof: int) -> float:
         """What a fit leaves, with what its parameters and its form must be worth."""
-        price = _PRICE * fit.size + (_FINEST if engine in (self.finest, self.firm) else 0.0)
+        price = _PRICE * fit.size + (_FINEST if engine in self.short else 0.0)
         much = max(chi2 - _MUCH * dof, 0.0)
         return chi2 + price + (0.0 if engine is self.given else _CLEARLY * much)
 
     def _forms(self, effects: Sequence[Effect], known: Known | None) -> list[Engine]:
         """The precise forms that compete behind a set; the one that was taken before is among them."""
-        held = self.finest is not None and any(effect.needs_steps for effect in effects)
-        forms = (self.given, self.fine, self.firm, *(known[:1] if known else ()), self.finest if held else None)
+        held = (self.finest, self.leapt) if any(effect.needs_steps for effect in effects) else ()
+        forms = (self.given, self.fine, self.firm, self.firm_leapt, *(known[:1] if known else ()), *held)
         return [form for form in dict.fromkeys(forms) if form is not None]
 
     def _working(self, engine: Engine, first: Shooting, rough: Fit) -> tuple[Shooting, Fit]:
@@ -242,7 +128,9 @@ class Numerics:
         if exact is not None and not np.isfinite(exact.chi2):
             return precise, exact
         working, judged = precise, rough
-        quick = {self.finest: self.quick, self.firm: self.firm_quick}.get(engine)
+        quick = (
+            (self.firm_quick if self.sticks(engine) else self.quick) if engine in self.short and engine.late else None
+        )
         forms = (self.coarse, self.late or self.coarse, quick or self.middle, engine)
         for cheap in dict.fromkeys(forms):
             working, judged = _settled(dataclasses.replace(precise, engine=cheap), engine, judged)

@@ -27,7 +27,10 @@ _CLEARLY_WORSE = 10.0
 _OF_THE_OTHERS = 0.01
 """So is an effect that raises the chi2 of a recording by more than this and this part of what it gains on others."""
 _OF_ITS_GAIN = 0.1
-"""An effect is refuted where it makes forecasts worse by so much of what it gains on what it was fitted to."""
+_WEAK = 100.0
+"""An effect is refuted where it makes forecasts worse by so much of what it gains beyond this on what it was fitted to.
+What gains less should improve forecasts by nearly as much, and by chance makes them worse; what gains more may be a law
+whose fits to fewer recordings got stuck."""
 
 
 def stability(shooting: Shooting, selection: Selection, judgement: Judgement) -> Stability | None:
@@ -106,7 +109,7 @@ def is_refuted(gains: Sequence[float | None], gain: float) -> bool:
         gain: the same of the recordings that it was fitted to.
     """
     known = [each for each in gains if each is not None]
-    return min(known, default=0.0) < -_CLEARLY_WORSE and sum(known) < -_OF_ITS_GAIN * gain
+    return min(known, default=0.0) < -_CLEARLY_WORSE and sum(known) < -_OF_ITS_GAIN * max(gain - _WEAK, 0.0)
 
 
 def _price(score: Score, part: Shooting, effect: Effect) -> float:

@@ -1,0 +1,66 @@
+from __future__ import annotations
+
+import dataclasses
+
+import mujoco
+import pytest
+
+from torch_activegp.diagnosis.forms import Forms
+
+RK4, FAST, EULER = (int(getattr(mujoco.mjtIntegrator, f"mjINT_{name}")) for name in ("RK4", "IMPLICITFAST", "EULER"))
+
+
+def machine(bench, integrator: str, step: float, joint: str = ""):
+    text = (
+        bench.xml.replace("RK4", integrator).replace("0.005", str(step)).replace('name="hip"', f'name="hip" {joint}', 1)
+    )
+    return dataclasses.replace(bench.machine, model=mujoco.MjModel.from_xml_string(text))
+
+
+def test_the_forms_of_a_model(bench) -> None:
+    made = Forms.of(machine(bench, "Euler", 0.001), 1)
+    assert (made.given.model.opt.integrator, made.given.substeps) == (EULER, 10)
+    assert (made.fine.model.opt.integrator, made.fine.substeps) == (RK4, 10)
+    assert (made.middle.model.opt.integrator, made.middle.substeps) == (RK4, 2)
+    assert (made.coarse.model.opt.integrator, made.coarse.substeps) == (EULER, 2)
+    assert made.late is not None
+    assert (made.late.late, made.late.substeps) == (True, 2)
+    assert made.finest is not None
+    assert (made.finest.late, made.finest.substeps) == (True, 20)
+    assert made.quick is not None
+    assert (made.quick.late, made.quick.substeps) == (True, 8)
+    off = int(mujoco.mjtDisableBit.mjDSBL_CONTACT)  # nothing touches: a form that stands in need not look for it
+    assert [bool(form.model.opt.disableflags & off) for form in (made.finest, made.quick)] == [False, True]
+    assert Forms.of(machine(bench, "Euler", 0.0001), 1).finest is None  # its own steps are short enough
+    made = Forms.of(machine(bench, "RK4", 0.005), 1)
+    assert made.coarse.model.opt.integrator == FAST
+    assert made.fine is made.given
+    assert made.middle is made.fine
+
+
+def test_where_a_leapfrog_is_of_first_order_it_competes_with_runge_kutta(clean, monkeypatch) -> None:
+    stuck = machine(clean, "Euler", 0.01, 'frictionloss="0.6"')
+    second = Forms.of(stuck, 1)
+    assert (second.leapt, second.firm_leapt) == (None, None)
+    monkeypatch.setattr("torch_activegp.diagnosis.forms.is_of_second_order", lambda model: False)
+    made = Forms.of(stuck, 1)
+    for form, steps in ((made.finest, 8), (made.firm, 20)):
+        assert form is not None
+        assert (form.late, form.model.opt.integrator, form.substeps) == (False, RK4, steps)
+    for form, same in ((made.leapt, second.finest), (made.firm_leapt, second.firm)):
+        assert form is not None and same is not None
+        assert (form.late, form.substeps) == (same.late, same.substeps) == (True, form.substeps)
+    assert made.short == (made.finest, made.leapt, made.firm, made.firm_leapt)
+    assert [made.sticks(form) for form in made.short] == [False, False, True, True]
+
+
+def test_a_model_without_friction_has_no_firm_form(clean) -> None:
+    assert Forms.of(machine(clean, "Euler", 0.005), 1).firm is None
+
+
+def test_firm_friction_is_as_firm_as_that_of_short_steps(clean) -> None:
+    """Whatever the model's own time step."""
+    firm = Forms.of(machine(clean, "Euler", 0.01, 'frictionloss="0.6"'), 1).firm
+    assert firm is not None
+    assert firm.model.dof_solref[0, 0] == pytest.approx(0.0005)
+    assert (firm.substeps, firm.late) == (40, True)

@@ -1,0 +1,186 @@
+"""The forms of a model: its own integrator and time step, finer ones, and cheap ones that stand in for them."""
+
+from __future__ import annotations
+
+import dataclasses
+import functools
+import math
+from collections.abc import Callable, Sequence
+from typing import Self
+
+import mujoco
+import numpy as np
+
+from torch_activegp.diagnosis.candidate import NOMINAL
+from torch_activegp.diagnosis.engine import IMPLICIT_FAST, Engine, substeps_for
+from torch_activegp.diagnosis.leapfrog import is_of_second_order
+from torch_activegp.diagnosis.machine import Machine
+from torch_activegp.diagnosis.prescribed_motion import RUNGE_KUTTA
+from torch_activegp.diagnosis.runs import Run, median_step
+from torch_activegp.diagnosis.segments import cut
+from torch_activegp.physics.friction import sticking
+
+_STEP = 0.005
+_STIFF_STEP = 0.001
+_EFFECT_STEP, _HELD_STEP = 0.0005, 0.00125
+"""An effect that is a force is held in each time step: a stop or a play that acts for milliseconds wants short ones,
+and friction sticks as firmly as two of them allow. Leapfrog in the first is more exact than Runge-Kutta in the second
+where it is of second order: 1.1 per dof for 2.4 where a joint sticks and slips at 0.3 mrad."""
+_FIRM_STEP = 0.00025
+"""For friction of the model's own: a joint that sticks and slips at 0.05 mrad noise left 2.3 per dof with Runge-Kutta
+in steps of 0.5 ms, and 0.89, as the noise alone, with leapfrog in half of that. Two coupled ones left 8.3 and 1.3."""
+_QUICK = 0.00125
+_HEAD = 0.5
+"""How much of each run shows with what its drives began, s."""
+_POSES = 300
+_TOUCHING = 0.01
+"""Contact in fewer poses is an accident of noise or of shapes drawn too large."""
+
+Make = Callable[..., Engine]
+
+
+@dataclasses.dataclass(frozen=True)
+class Forms:
+    """One model in several forms.
+
+    Args:
+        given: the model's own integrator and time step.
+        fine: Runge-Kutta of fourth order; the same object where the model has it already.
+        coarse: the model's own integrator, few steps.
+        middle: Runge-Kutta with few steps, where coarse is not close enough; dry friction wants more of them.
+        stiff: whether something touches in more than 1 % of the recorded poses, or constraints tie bodies together.
+        late: coarse by the leapfrog scheme, which costs as little and is often close where coarse is not; None on a
+            stiff machine, and where it would be the same.
+        finest: shorter steps, for sets with effects that are forces held within a step; None for the same as fine.
+        leapt: the same by leapfrog where that is of first order in some forces, so that finest is Runge-Kutta's: either
+            may be closer.
+        quick: leapfrog in longer steps than finest or leapt; None where neither is one.
+        firm: short steps, and the dry friction that its joints have sticks firmly; None where they have none.
+        firm_leapt: to it as leapt is to finest.
+        firm_quick: to it as quick is to finest.
+    """
+
+    given: Engine
+    fine: Engine
+    coarse: Engine
+    middle: Engine
+    stiff: bool = False
+    late: Engine | None = None
+    finest: Engine | None = None
+    leapt: Engine | None = None
+    quick: Engine | None = None
+    firm: Engine | None = None
+    firm_leapt: Engine | None = None
+    firm_quick: Engine | None = None
+
+    @classmethod
+    def of(cls, machine: Machine, nthread: int = 0) -> Self:
+        """Makes them for a machine."""
+        model, step = machine.model, median_step(machine.fit)
+        make: Make = functools.partial(Engine, channels=machine.channels, nthread=nthread)
+        few, plain, touching = _steps(step, _STEP), substeps_for(model, machine.fit), _touching(machine)
+        stiff, free = bool(model.neq or model.ntendon) or touching > _TOUCHING, touching == 0.0
+        stride = 1 if stiff else max(int(_STEP / step + 1e-6), 1)
+        given = make(model, substeps=plain)
+        often = max(few, plain)
+        seldom = _steps(step, _STIFF_STEP) if stiff else few
+        same = model.opt.integrator == RUNGE_KUTTA and often == plain and not given.filters
+        fine = given if same else make(model, substeps=often, integrator=RUNGE_KUTTA)
+        halfway = max(math.ceil(often / 2), few) if stiff else few
+        middle = fine
+        if halfway < often:
+            middle = make(model, substeps=halfway, integrator=RUNGE_KUTTA, contacts=not free)
+        cheap = {"stride": stride, "contacts": not free}
+        coarse = make(model, substeps=min(seldom, plain), integrator=_cheap(model), **cheap)
+        late, short = None, _held(make, model, step, often, stiff, free) | _firm(make, model, step, often, stiff, free)
+        if not stiff and (model.nu or model.dof_damping.any()):
+            late = make(model, substeps=coarse.substeps, late=True, **cheap)
+        made = cls(given, fine, coarse, middle, stiff, late, **short)
+        begin_drives([form for form in vars(made).values() if isinstance(form, Engine)], machine.fit)
+        return made
+
+    @property
+    def short(self) -> tuple[Engine, ...]:
+        """Those in short steps, which cost time."""
+        return tuple(form for form in (self.finest, self.leapt, self.firm, self.firm_leapt) if form is not None)
+
+    def sticks(self, engine: Engine) -> bool:
+        """Whether the joints' own dry friction sticks firmly in one of the forms."""
+        return engine in (self.firm, self.firm_leapt)
+
+
+def _held(
+    make: Make, model: mujoco.MjModel, step: float, often: int, stiff: bool, free: bool
+) -> dict[str, Engine | None]:
+    """Forms for effects that are held within a step: ``finest``, ``leapt`` and ``quick``."""
+    leap, held = _steps(step, _EFFECT_STEP), _steps(step, _HELD_STEP)
+    leapt = make(model, substeps=leap, late=True) if leap > often and not stiff else None
+    finest = make(model, substeps=held, integrator=RUNGE_KUTTA) if held > often else None
+    quick = make(model, substeps=_steps(step, _QUICK), late=True, contacts=not free) if leapt else None
+    if leapt is not None and is_of_second_order(model):
+        finest, leapt = leapt, None
+    return {"finest": finest, "leapt": leapt, "quick": quick}
+
+
+def _firm(
+    make: Make, model: mujoco.MjModel, step: float, often: int, stiff: bool, free: bool
+) -> dict[str, Engine | None]:
+    """The same with the dry friction that joints have sticking firmly: ``firm``, ``firm_leapt`` and ``firm_quick``."""
+    if not model.dof_frictionloss.any():
+        return {}
+
+    def by(steps: int, **how: bool | int) -> Engine:
+        return make(sticking(model, step / steps), substeps=steps, **how)
+
+    firm, leapt, quick = by(max(often, _steps(step, 2 * _FIRM_STEP)), integrator=RUNGE_KUTTA), None, None
+    if not stiff:
+        leapt = by(max(often, _steps(step, _FIRM_STEP)), late=True)
+        quick = by(_steps(step, _QUICK), late=True, contacts=not free)
+    if leapt is not None and is_of_second_order(model):
+        firm, leapt = leapt, None
+    return {"firm": firm, "firm_leapt": leapt, "firm_quick": quick}
+
+
+def _touching(machine: Machine) -> float:
+    """The part of the recorded poses in which something touches, or a joint is at its limit."""
+    model, channels = machine.model, machine.channels
+    data = mujoco.MjData(model)
+    seen = touching = 0
+    for run in (*machine.fit, *machine.holdout):
+        for row in range(0, len(run), max(len(run) // _POSES, 1)):
+            data.qpos[:] = model.qpos0
+            data.qpos[channels.qpos] = run.smooth[row]
+            if channels.prescribed is not None and run.prescribed is not None:
+                data.qpos[channels.prescribed.qpos] = run.prescribed.smooth[row]
+            mujoco.mj_fwdPosition(model, data)
+            seen += 1
+            touching += bool(data.ncon or data.nl)
+    return touching / max(seen, 1)
+
+
+def _steps(interval: float, longest: float) -> int:
+    """Time steps in an interval, of some length at most."""
+    return max(int(np.ceil(interval / longest - 1e-6)), 1)
+
+
+def _cheap(model: mujoco.MjModel) -> int:
+    """The model's integrator, or the implicit one in place of Runge-Kutta's four evaluations."""
+    runge_kutta = model.opt.integrator == RUNGE_KUTTA
+    return IMPLICIT_FAST if runge_kutta else int(model.opt.integrator)
+
+
+def begin_drives(engines: Sequence[Engine], runs: Sequence[Run]) -> None:
+    """Lets filters of the model's own drives begin each run empty or filled: as the first engine follows it better."""
+    first = engines[0]
+    if not first.filters:
+        return
+    pieces = cut(runs, _HEAD, 0.0)
+    heads = pieces.pick(np.flatnonzero(pieces.first == 0))
+    errors = []
+    for empty in (False, True):
+        first.filters = tuple(own._replace(empty=empty) for own in first.filters)
+        predicted, _ = first.predict(heads, first.starts(heads)[None], [NOMINAL])
+        far = (predicted[0] - heads.position) / np.mean([run.noise for run in runs], axis=0)
+        errors.append(float(np.nan_to_num(far[heads.counts] ** 2, nan=np.inf).sum()))
+    for engine in engines:
+        engine.filters = tuple(own._replace(empty=errors[1] < errors[0]) for own in engine.filters)
