@@ -1,5 +1,7 @@
 from __future__ import annotations
 
+import dataclasses
+
 import mujoco
 import numpy as np
 import pytest
@@ -142,3 +144,20 @@ def test_a_search_ends_where_it_has_computed_enough(bench) -> None:
     assert (short.cut_short, whole.cut_short) == (True, False)
     assert short.best.keys == whole.best.keys == {("viscous_friction", "joint:hip")}
     assert 1.0 < middle - begun < 0.9 * (bench.shooting.work - middle)
+
+
+@pytest.mark.parametrize(("scale", "developed"), [(1.0, 0), (1.5, 1)])
+def test_what_costs_more_than_a_best_that_leaves_noise_alone_is_not_developed(
+    bench, monkeypatch, scale: float, developed: int
+) -> None:
+    wet, dear = bench.fit("viscous_friction", 0.05), bench.effect("hysteresis")
+    score = Score(bench.shooting.samples, 60, scale)
+    chi2 = wet.chi2 - scale * (score.price([dear]) - 4.0)  # nearly worth it
+    more = dataclasses.replace(wet, effects=(*wet.effects, dear), values=(*wet.values, np.array([0.1, 0.1])), chi2=chi2)
+    selection = Selection(bench.nominal, [bench.nominal, wet, more], score)
+    monkeypatch.setattr(Selection, "rescale", lambda *_: None)
+    monkeypatch.setattr(Selection, "may_pay", lambda *_: True)
+    seen = []
+    monkeypatch.setattr("torch_activegp.diagnosis.selection._expand", lambda *args: seen.append(args[3]))
+    _search(selection, bench.shooting, [], {frozenset(wet.effects)}, lambda words: None, Depth(swaps=0))
+    assert len([fit for fit in seen if fit is more]) == developed

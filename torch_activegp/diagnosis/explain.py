@@ -21,7 +21,7 @@ from torch_activegp.diagnosis.numerics import Numerics, Sets
 from torch_activegp.diagnosis.proposals import beginning, late_elsewhere
 from torch_activegp.diagnosis.runs import Array, median_step
 from torch_activegp.diagnosis.segments import Segments, cut, halve
-from torch_activegp.diagnosis.selection import Depth, select
+from torch_activegp.diagnosis.selection import NOISE_ALONE, Depth, select
 from torch_activegp.diagnosis.shooting import Shooting
 from torch_activegp.physics.effect import Effect
 
@@ -48,8 +48,6 @@ _QUIETER = 3
 """How often noise is taken anew."""
 _ENOUGH = 600.0
 """Chi2 above the noise by which the first names are found, on a part of the data where there is twice as much,"""
-_NOISE_ALONE = 1.1
-"""per degree of freedom are noise: what else there may be is looked for on all data,"""
 _FEWEST = 12
 """but on no fewer segments: six of twenty led astray where three effects are hidden."""
 
@@ -153,7 +151,7 @@ def _start(
         here = nominal.pick(which)
         rough = part.fit([((), ())], here.starts, design=here.design)[0]
         chosen = select(part, effects, rough, tell=tell, depth=Depth(rounds=1))
-        if chosen.best.effects and chosen.score.scale > _NOISE_ALONE:
+        if chosen.best.effects and chosen.score.scale > NOISE_ALONE:
             sets, free = _leaders(chosen), chosen.score.free  # behind them another form may agree better
             engine, shooting, nominal, judged = numerics.choose(segments, noise, nominal, nominal, sets)
             part, here, states = shooting.pick(which), nominal.pick(which), judged.starts[which]

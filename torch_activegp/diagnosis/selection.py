@@ -36,6 +36,8 @@ from torch_activegp.physics.effect import Effect
 BEAM = 2
 SWAPS = 2
 HOPELESS = 0.5
+NOISE_ALONE = 1.1
+"""What is left per degree of freedom where nothing but noise is."""
 MAX_EFFECTS = 4
 _CHEAP = 60
 """So many fits of one segment cost little: where there are few segments, more is fitted than looks best."""
@@ -133,7 +135,7 @@ def _search(
             expanded.add(frozenset(fit.effects))
             lost = bool(fit.effects) and _hopeless(selection, shooting, 2)
             room = selection.score.names_in(fit.effects) < MAX_EFFECTS and selection.may_pay(fit, shooting.dof)
-            if room and not lost:
+            if room and not lost and not _cannot_win(selection, fit, expanded):
                 tell(f"testing what comes on top of {len(fit.effects)} effects")
                 _expand(selection, shooting, effects, fit)
         _simplify(selection, shooting, effects)
@@ -189,6 +191,13 @@ def _expand(selection: Selection, shooting: Shooting, effects: Sequence[Effect],
     known = {frozenset(f.effects) for f in selection.fits}
     fresh = heat(shooting, [p for p in proposed if frozenset(p[0]) not in known], fit, selection.score)
     compare(shooting, selection, fresh, fit, race=True, below=fit)
+
+
+def _cannot_win(selection: Selection, fit: Fit, expanded: set[frozenset[Effect]]) -> bool:
+    """Whether a set costs more than the best one, which leaves noise alone and was developed to no avail."""
+    best, score = selection.best, selection.score
+    done = score.scale < NOISE_ALONE and frozenset(best.effects) in expanded
+    return done and score.price(fit.effects) > score.price(best.effects)
 
 
 def _hopeless(selection: Selection, shooting: Shooting, least: int) -> bool:

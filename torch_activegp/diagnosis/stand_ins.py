@@ -4,6 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
+import numpy as np
+from numpy.typing import NDArray
+
 from torch_activegp.diagnosis.compared import Selection, compare, fitted, without_each
 from torch_activegp.diagnosis.heats import CLOSE, PART, near
 from torch_activegp.diagnosis.proposals import Set, diverse, join, late_elsewhere, softened
@@ -27,10 +30,9 @@ def swap(selection: Selection, shooting: Shooting, effects: Sequence[Effect]) ->
     smaller = without_each(selection, shooting)
     if not smaller:
         return
-    gain = min(fit.chi2 for _, fit in smaller) - best.chi2
-    part, which = shooting.subset(min(max(_PLENTY / max(gain, 1.0), PART), 1.0))
     fresh = {frozenset(some[0]): some for some in late_elsewhere(best, effects)}
     for effect, fit in smaller:
+        part, which = _enough(shooting, fit.chi2 - best.chi2)
         screened = screen(part, fit.pick(which), allowed(effects, fit))
         least = ALIKE * max((a.gain for a in screened.atoms if a.effect.key == effect.key), default=0.0)
         atoms = [a for a in screened.best() if a.gain >= least and not _same_or_more(a.effect, effect)]
@@ -40,9 +42,15 @@ def swap(selection: Selection, shooting: Shooting, effects: Sequence[Effect]) ->
     for known in selection.fits:
         fresh.pop(frozenset(known.effects), None)
     sets = list(fresh.values())
+    part, which = _enough(shooting, min(fit.chi2 for _, fit in smaller) - best.chi2)
     if sets and part.segments.size < shooting.segments.size:
         sets = near(part, sets, best.pick(which), [CLOSE * selection.score.scale] * len(sets))
     compare(shooting, selection, sets, best, race=True)
+
+
+def _enough(shooting: Shooting, gain: float) -> tuple[Shooting, NDArray[np.int64]]:
+    """A part of the data on which an effect still gains much, and its segments."""
+    return shooting.subset(min(max(_PLENTY / max(gain, 1.0), PART), 1.0))
 
 
 def _same_or_more(effect: Effect, than: Effect) -> bool:
