@@ -93,3 +93,13 @@ def test_a_load_along_the_body_is_one_at_either_end_of_it(bench: Any) -> None:
     for offset in ((0.0, 0.0, 0.0), (0.15, 0.0, 0.0), (0.075, 0.0, 0.0)):
         at = bench.hooks(payload(bench.model, offset), [0.3])
         np.testing.assert_allclose(bench.hooks(along, [0.3, offset[0]]), at, atol=1e-12)
+
+
+def test_a_load_may_sit_wherever_the_body_is_and_a_fifth_farther(bench: Any) -> None:
+    """Also where its end is near its centre of mass, as that of a heavy ball on a thin rod."""
+    aside = PayloadAside.within(FORE, bench.model, 0.01 * np.array(REACH), (0, 2))
+    shapes = bench.model.geom_bodyid == FORE.index
+    far = np.linalg.norm(bench.model.geom_pos[shapes] - bench.model.body_ipos[FORE.index], axis=1)
+    far += bench.model.geom_rbound[shapes]
+    assert [p.high for p in aside.parameters[1:]] == pytest.approx([1.2 * far.max()] * 2)
+    assert 1.2 * far.max() > np.linalg.norm(REACH)

@@ -16,7 +16,7 @@ from torch_activegp.physics.effect import Array, Effect, Index, Parameter, Place
 _HEAVIEST = 4.0
 """A body's own mass may be wrong by so much of it; more is a load."""
 _BEYOND = 1.2
-"""A load may stick out of the body that carries it, by a fifth of the way to its end."""
+"""A load may stick out of the body that carries it, by a fifth of the way to its end, or to its farthest part."""
 
 
 class PayloadMass(BodyEffect):
@@ -114,12 +114,19 @@ class PayloadAside(PayloadMass):
 
     @classmethod
     def within(cls, place: Place, model: mujoco.MjModel, reach: Array, axes: tuple[int, int]) -> Self:
-        """Makes the effect in the plane of two axes of a body whose end is at an offset from its centre of mass."""
+        """Makes the effect in the plane of two axes of a body whose end is at an offset from its centre of mass.
+
+        It may sit as far from there as the end, or any other part of the body, does.
+        """
         end = PayloadMass.at(place, model, reach)
-        far = _BEYOND * float(np.linalg.norm(reach))
+        shapes = model.geom_bodyid == place.index
+        parts = np.linalg.norm(model.geom_pos[shapes] - model.body_ipos[place.index], axis=1)
+        parts += model.geom_rbound[shapes]
+        end_at = float(np.linalg.norm(reach))
+        far = _BEYOND * max([end_at, *parts.tolist()])
         names = tuple(AXES[axis] for axis in axes)
         mass = dataclasses.replace(end.parameters[0], low=0.0)
-        places = tuple(Parameter(f"offset_{name}", "m", 0.04 * far, low=-far, high=far) for name in names)
+        places = tuple(Parameter(f"offset_{name}", "m", 0.05 * end_at, low=-far, high=far) for name in names)
         return cls(
             place.target,
             (mass, *places),
