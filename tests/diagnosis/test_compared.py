@@ -127,8 +127,9 @@ def test_a_fit_that_leaves_less_than_a_name_costs_is_not_developed(bench, found,
     """Beyond a tenth of the noise, for no closer is its level known."""
     dof = bench.shooting.dof
     found.score = dataclasses.replace(found.score, mismatch=3.0 * dof / 0.006)
-    fit = dataclasses.replace(bench.nominal, chi2=0.9 * dof + above * 3.0 * dof)
+    fit = dataclasses.replace(bench.fit("viscous_friction", 0.05), chi2=0.9 * dof + above * 3.0 * dof)
     assert found.score.cheapest == pytest.approx(3.0 * dof)
+    assert found.may_pay(dataclasses.replace(bench.nominal, chi2=0.0), dof)  # its noise is not seen yet
     assert found.may_pay(fit, dof) == pays
     found.score = dataclasses.replace(found.score, free=frozenset({("viscous_friction", "joint:hip")}))
     assert found.may_pay(fit, dof)  # corrections of a tuning cost little

@@ -92,3 +92,7 @@ def test_forces_come_late_with_the_controls_and_on_top_of_steady_ones(bench) -> 
     _, forces = inputs([(k, k + 1) for k in range(6)])
     np.testing.assert_allclose(forces[1, :, 0], [0.5, 0.5, 0.5, 1.5, 1.5, 0.5])
     assert inputs.pushes
+    shoved = Candidate(shove=push)
+    late = Inputs(segments, [NOMINAL, shoved], Controls(segments, [NOMINAL, shoved], 1, 1), 1, late=True)
+    controls = late([(k, k + 1) for k in range(6)])[0].reshape(2, segments.size, 6)
+    np.testing.assert_allclose((controls[1] - controls[0])[1], [0.0, 0.0, 0.0, 1.0, 1.0, 0.0])

@@ -2,11 +2,15 @@ from __future__ import annotations
 
 import dataclasses
 
+import mujoco
 import numpy as np
 import pytest
 
-from torch_activegp.diagnosis.engine import NOMINAL, Candidate
+from torch_activegp.data import Recording
+from torch_activegp.diagnosis.engine import NOMINAL, Candidate, Engine
 from torch_activegp.diagnosis.forecast import SEEN, STEP, compare, free_run, one_step
+from torch_activegp.diagnosis.machine import make_machine
+from torch_activegp.diagnosis.noise_model import NoiseModel
 
 
 @pytest.fixture(scope="module")
@@ -111,3 +115,41 @@ def test_a_model_that_is_another_one_too_is_simulated_once(bench) -> None:
     assert bench.engine.work - begun == 2.0 * work
     assert both["free_run"]["after"] == both["free_run"]["before"] == alone["free_run"]["before"]
     assert trace["after"] == trace["before"]
+
+
+@pytest.mark.parametrize("damping", [0.1, 4.0])
+def test_initial_states_are_fitted_in_longer_steps_where_these_do(damping: float) -> None:
+    """Runge-Kutta of a stiff joint diverges in them; there the engine itself fits."""
+    xml = f"""<mujoco><option timestep="0.00025" integrator="RK4"/><worldbody><body>
+    <joint name="x" damping="{damping}"/><inertial pos="0 0 0" mass="1" diaginertia="1e-3 1e-3 1e-3"/></body></worldbody>
+    <actuator><motor name="m" joint="x"/></actuator></mujoco>"""
+    model, rng = mujoco.MjModel.from_xml_string(xml), np.random.default_rng(0)
+    data, positions, time = mujoco.MjData(model), [], np.arange(401) / 100
+    control = damping * np.sin(7.0 * time)
+    for force in control:
+        positions.append(data.qpos[0])
+        data.ctrl[:] = force
+        mujoco.mj_step(model, data, 40)
+    columns = {"time": time, "qpos.x": np.array(positions) + 1e-3 * rng.normal(size=401), "ctrl.m": control}
+    machine = make_machine(model, [recording := Recording.from_columns("run", columns)], [recording])
+    engine, noise = Engine(machine.model, machine.channels, 40, 1), NoiseModel.white(np.array([1e-3]))
+    overall, _ = compare({"before": (engine, NOMINAL)}, machine.fit, ["x"], noise)
+    for kind in ("one_step", "free_run"):
+        assert overall[kind]["before"] < 1.3 * overall[kind]["noise"]
+    whole = engine.work
+    engine.work = 0.0
+    monkey = pytest.MonkeyPatch()
+    monkey.setattr(Engine, "in_longer_steps", lambda self, *_: self)
+    compare({"before": (engine, NOMINAL)}, machine.fit, ["x"], noise)
+    monkey.undo()
+    assert (whole < 0.8 * engine.work) == (damping < 1.0)
+
+
+def test_only_steps_of_runge_kutta_are_made_longer(bench, clean) -> None:
+    model, channels = bench.machine.model, bench.engine.channels
+    fine = Engine(model, channels, 8, 1, int(mujoco.mjtIntegrator.mjINT_RK4))
+    longer = fine.in_longer_steps(0.00125, 0.005)
+    assert (longer.substeps, fine.substeps, longer.work) == (4, 8, 0.0)
+    assert fine.in_longer_steps(0.0001, 0.005) is fine
+    other = Engine(model, channels, 8, 1, int(mujoco.mjtIntegrator.mjINT_EULER))
+    assert other.in_longer_steps(0.00125, 0.005) is other

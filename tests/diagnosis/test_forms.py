@@ -49,7 +49,10 @@ def test_where_a_leapfrog_is_of_first_order_it_competes_with_runge_kutta(clean, 
         assert (form.late, form.model.opt.integrator, form.substeps) == (False, RK4, steps)
     for form, same in ((made.leapt, second.finest), (made.firm_leapt, second.firm)):
         assert form is not None and same is not None
-        assert (form.late, form.substeps) == (same.late, same.substeps) == (True, form.substeps)
+        assert (form.late, form.substeps) == (same.late, same.substeps)
+    assert [form.substeps for form in (made.leapt, made.firm_leapt) if form is not None] == [20, 40]
+    assert [made.stand_in(form) for form in made.short] == [made.middle, made.quick, made.middle, made.firm_quick]
+    assert made.stand_in(made.fine) is made.middle
     assert made.short == (made.finest, made.leapt, made.firm, made.firm_leapt)
     assert [made.sticks(form) for form in made.short] == [False, False, True, True]
 

@@ -12,7 +12,6 @@ from torch_activegp.diagnosis.numerics import Numerics
 from torch_activegp.diagnosis.shooting import Shooting
 
 QUIET = NoiseModel.white(np.array([1e-4]))
-RK4, FAST, EULER = (int(getattr(mujoco.mjtIntegrator, f"mjINT_{name}")) for name in ("RK4", "IMPLICITFAST", "EULER"))
 
 
 def machine(bench, integrator: str, step: float, joint: str = ""):
@@ -65,3 +64,26 @@ def test_dry_friction_of_the_model_may_stick_more_firmly_on_the_machine(clean, f
     engine, working, _, judged = made.choose(shooting.segments, QUIET, nominal, nominal)
     assert engine is truth
     assert judged.chi2 / working.dof == pytest.approx(1.0, abs=0.25)
+
+
+def test_either_scheme_of_short_steps_may_be_closer_behind_an_effect_that_is_held(clean, monkeypatch) -> None:
+    monkeypatch.setattr("torch_activegp.diagnosis.forms.is_of_second_order", lambda model: False)
+    made = Numerics.of(machine(clean, "Euler", 0.005, 'frictionloss="0.6"'), 1)
+    held, smooth = clean.effect("joint_stop"), clean.effect("viscous_friction")
+    always = [made.given, made.fine, made.firm, made.firm_leapt]
+    assert made._forms((smooth,), None) == always
+    assert made._forms((held,), None) == [*always, made.finest, made.leapt]
+
+
+def test_friction_of_the_model_may_be_closer_by_leapfrog(clean, monkeypatch) -> None:
+    monkeypatch.setattr("torch_activegp.diagnosis.forms.is_of_second_order", lambda model: False)
+    made = Numerics.of(machine(clean, "Euler", 0.005, 'frictionloss="0.6"'), 1)
+    truth = made.firm_leapt
+    assert truth is not None
+    own = truth.predict(clean.segments, clean.nominal.starts[None], [NOMINAL])[0][0]
+    noise = 0.01 * clean.noise * np.random.default_rng(0).normal(size=own.shape)
+    quiet = NoiseModel.white(np.array([0.01 * clean.noise]))
+    shooting = Shooting(made.given, dataclasses.replace(clean.segments, position=own + noise), quiet)
+    nominal = shooting.fit([((), ())], clean.nominal.starts)[0]
+    engine, *_ = made.choose(shooting.segments, quiet, nominal, nominal)
+    assert engine is truth

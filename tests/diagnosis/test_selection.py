@@ -13,8 +13,9 @@ from torch_activegp.diagnosis.linearize import linearize
 from torch_activegp.diagnosis.machine import make_machine
 from torch_activegp.diagnosis.noise_model import NoiseModel
 from torch_activegp.diagnosis.score import Score
+from torch_activegp.diagnosis.screening import screen
 from torch_activegp.diagnosis.segments import cut
-from torch_activegp.diagnosis.selection import Depth, _search, _seems_tuned, select
+from torch_activegp.diagnosis.selection import Depth, _expand, _search, _seems_tuned, select
 from torch_activegp.diagnosis.shooting import Shooting
 
 NAMES = ("viscous_friction", "coulomb_friction", "quadratic_drag", "constant_force", "armature_error")
@@ -161,3 +162,26 @@ def test_what_costs_more_than_a_best_that_leaves_noise_alone_is_not_developed(
     monkeypatch.setattr("torch_activegp.diagnosis.selection._expand", lambda *args: seen.append(args[3]))
     _search(selection, bench.shooting, [], {frozenset(wet.effects)}, lambda words: None, Depth(swaps=0))
     assert len([fit for fit in seen if fit is more]) == developed
+
+
+def test_what_cannot_pay_is_not_developed(bench, monkeypatch) -> None:
+    wet = bench.fit("viscous_friction", 0.05)
+    selection = Selection(bench.nominal, [bench.nominal, wet], Score(bench.shooting.samples, 60, 1.0))
+    seen: list[Fit] = []
+    monkeypatch.setattr("torch_activegp.diagnosis.selection._expand", lambda *args: seen.append(args[3]))
+    for pays in (False, True):
+        monkeypatch.setattr(Selection, "may_pay", lambda *_, pays=pays: pays)
+        _search(selection, bench.shooting, [], set(), lambda words: None, Depth(rounds=2, swaps=0))
+        assert [fit is wet for fit in seen] == [True] * pays
+
+
+def test_gains_on_a_part_of_the_data_are_told_as_on_all_where_sets_are_proposed(bench, monkeypatch) -> None:
+    fit, told = bench.fit("constant_force", 0.01), []
+    part, which = bench.shooting.subset(0.5, fit.per_segment)
+    monkeypatch.setattr("torch_activegp.diagnosis.selection.seen_on", lambda *_: (part, fit.pick(which)))
+    monkeypatch.setattr("torch_activegp.diagnosis.selection._proposals", lambda *args: told.append(args[2]) or [])
+    selection = Selection(bench.nominal, [bench.nominal, fit], Score(bench.shooting.samples, 60, 1.0))
+    wet = bench.effect("viscous_friction")
+    _expand(selection, bench.shooting, [wet], fit)
+    (atom,) = screen(part, fit.pick(which), [wet]).best()
+    assert told[0].best()[0].gain == pytest.approx(atom.gain * bench.segments.size / part.segments.size)

@@ -167,6 +167,8 @@ def test_the_diagnosis_holds_it_as_plain_values(diagnosed) -> None:
         ((5.0, -15.0, None), 40.0, True),
         ((20.0, -15.0), 40.0, False),  # as a whole it forecasts better
         ((-3.0, -4.0), 40.0, False),  # no more than chance
+        ((20.0, -25.0), 90.0, True),  # what gains so little should improve forecasts by nearly as much
+        ((20.0, -25.0), 160.0, False),
         ((None, -15.0), 1700.0, False),  # next to what it gains where it acts
         ((None, None), 40.0, False),  # it acts in one recording alone
     ],

@@ -16,7 +16,7 @@ from torch_activegp.physics.effect import Effect
 _AS_MUCH = 0.01
 """Part of what the best set explains."""
 _AT_LEAST = 0.9
-"""Noise per degree of freedom: no closer is its level known."""
+"""Noise per degree of freedom: often no closer is its level known."""
 _STUCK = 1.0
 """Chi2 by which a fit may end above that of a set that it contains."""
 
@@ -68,8 +68,15 @@ class Selection:
         return best if best is not None and not fit.chi2 <= best.chi2 + _STUCK else None
 
     def may_pay(self, fit: Fit, dof: int) -> bool:
-        """Whether a fit leaves so much more than noise that one more name could be worth its price."""
-        return bool(self.score.free) or fit.chi2 - _AT_LEAST * dof > self.score.scale * self.score.cheapest
+        """Whether a fit leaves so much more than noise that one more name could be worth its price.
+
+        Nothing is said of the nominal: the floor may be too high, and what it leaves is seen behind the effects alone.
+        """
+        return (
+            not fit.effects
+            or bool(self.score.free)
+            or fit.chi2 - _AT_LEAST * dof > self.score.scale * self.score.cheapest
+        )
 
     def needs_more_than(self, names: int) -> bool:
         """Whether no set of so many effects explains about as much as the best one does."""

@@ -22,6 +22,7 @@ from torch_activegp.diagnosis.fit import Fit
 from torch_activegp.diagnosis.forecast import compare
 from torch_activegp.diagnosis.intervals import estimates
 from torch_activegp.diagnosis.judge import Judgement
+from torch_activegp.diagnosis.linearize import linearize
 from torch_activegp.diagnosis.locate import entries, locate, somewhere
 from torch_activegp.diagnosis.machine import Machine, make_machine
 from torch_activegp.diagnosis.places import effects_for
@@ -89,7 +90,9 @@ def diagnose(
     explanation = explain(machine, tried, nthread, lambda words: say(words, None), checkpoint)
     say("weighing the evidence", 0.7)
     verdict = decide(explanation.shooting, explanation.selection)
-    return _report(source, machine, explanation, verdict, seed, say)
+    diagnosis = _report(source, machine, explanation, verdict, seed, say)
+    linearize.cache_clear()  # holds likelihood and recordings
+    return diagnosis
 
 
 def _report(

@@ -97,7 +97,7 @@ class Engine:
         return made
 
     def in_longer_steps(self, seconds: float, interval: float) -> Engine:
-        """The same in steps of at least so long in each interval between rows, where it is one of Runge-Kutta's."""
+        """The same in steps of so long at least, or of whole intervals between rows, where it is Runge-Kutta's."""
         fewer = max(int(interval / seconds + 1e-6), 1)
         if self.model.opt.integrator != RUNGE_KUTTA or fewer >= self.substeps:
             return self
@@ -107,7 +107,7 @@ class Engine:
 
     def _copy(self) -> Engine:
         made = copy.copy(self)
-        made.model, made._fields = copy.copy(self.model), {}
+        made.model, made._fields, made.work = copy.copy(self.model), {}, 0.0
         return made
 
     @property

@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from torch_activegp.diagnosis.engine import Candidate, Engine
+from torch_activegp.diagnosis.fit import Fit
 from torch_activegp.diagnosis.noise_model import NoiseModel
 from torch_activegp.diagnosis.runs import Array, Run, median_step
 from torch_activegp.diagnosis.segments import Segments, cut, lay
@@ -28,6 +29,8 @@ _FIRST = 1.0
 _ROUNDS = 5
 _ROUGHLY = 0.00125
 """Time steps in which initial states are fitted, s."""
+_ALIKE = 0.2
+"""Part of a chi2, and of the number of samples, by which it may differ in shorter steps."""
 
 
 def one_step(
@@ -93,11 +96,25 @@ def free_run(
 def _begun(
     engine: Engine, segments: Segments, noise: NoiseModel, candidates: Sequence[Candidate], starts: Array
 ) -> Array:
-    """Initial states that fit each candidate best, ``(N, S, nq + nv)``; no shorter time steps make them better."""
+    """Initial states that fit each candidate best, ``(N, S, nq + nv)``.
+
+    They are fitted in long steps, where these tell from there what the engine itself does.
+    """
     sets = [(candidate.effects, candidate.values) for candidate in candidates]
     rough = engine.in_longer_steps(_ROUGHLY, median_step(segments.runs))
     fits = Shooting(rough, segments, noise).fit(sets, starts, _ROUNDS, hold=True)
+    if rough is not engine and not _agrees(Shooting(engine, segments, noise), fits):
+        fits = Shooting(engine, segments, noise).fit(sets, starts, _ROUNDS, hold=True)
     return np.stack([fit.starts for fit in fits])
+
+
+def _agrees(shooting: Shooting, fits: Sequence[Fit]) -> bool:
+    """Whether a likelihood sees fits that were made with other time steps as those did."""
+    states = np.stack([fit.starts for fit in fits])
+    predicted, _ = shooting.engine.predict(shooting.segments, states, [fit.candidate for fit in fits])
+    chi2 = (shooting.residuals(predicted) ** 2).sum(axis=-1)
+    told = np.stack([fit.per_segment for fit in fits])
+    return bool((np.abs(chi2 - told) < _ALIKE * (told + shooting.segments.samples)).all())
 
 
 def _better(shooting: Shooting, candidates: Sequence[Candidate], one: Array, other: Array) -> Array:

@@ -104,6 +104,11 @@ class Forms:
         """Those in short steps, which cost time."""
         return tuple(form for form in (self.finest, self.leapt, self.firm, self.firm_leapt) if form is not None)
 
+    def stand_in(self, engine: Engine) -> Engine:
+        """What may stand in for one of the forms where no coarse one is close."""
+        quick = self.firm_quick if self.sticks(engine) else self.quick
+        return quick if quick is not None and engine in self.short and engine.late else self.middle
+
     def sticks(self, engine: Engine) -> bool:
         """Whether the joints' own dry friction sticks firmly in one of the forms."""
         return engine in (self.firm, self.firm_leapt)
@@ -115,10 +120,10 @@ def _held(
     """Forms for effects that are held within a step: ``finest``, ``leapt`` and ``quick``."""
     leap, held = _steps(step, _EFFECT_STEP), _steps(step, _HELD_STEP)
     leapt = make(model, substeps=leap, late=True) if leap > often and not stiff else None
-    finest = make(model, substeps=held, integrator=RUNGE_KUTTA) if held > often else None
     quick = make(model, substeps=_steps(step, _QUICK), late=True, contacts=not free) if leapt else None
     if leapt is not None and is_of_second_order(model):
-        finest, leapt = leapt, None
+        return {"finest": leapt, "quick": quick}
+    finest = make(model, substeps=held, integrator=RUNGE_KUTTA) if held > often else None
     return {"finest": finest, "leapt": leapt, "quick": quick}
 
 

@@ -54,10 +54,10 @@ def heat(shooting: Shooting, sets: Sequence[Set], fit: Fit, score: Score) -> lis
 def seen_on(shooting: Shooting, fit: Fit, score: Score) -> tuple[Shooting, Fit]:
     """A part of the data on which what is worth a name on all of them stands out, and the fit there.
 
-    Half of them are those that the fit explains worst. All where little is missing; and where something is tuned, for
-    its corrections cost little more than what noise gains.
+    Half of them are those that the fit explains worst. All where little is missing; on top of the nominal; and where
+    something is tuned, for its corrections cost little more than what noise gains.
     """
-    least = 0.0 if score.free else score.cheapest
+    least = 0.0 if score.free or not fit.effects else score.cheapest
     if least <= _CLEAR:
         return shooting, fit
     part, which = shooting.subset(max(_CLEAR / least, PART), fit.per_segment)

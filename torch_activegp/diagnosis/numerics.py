@@ -128,10 +128,7 @@ class Numerics(Forms):
         if exact is not None and not np.isfinite(exact.chi2):
             return precise, exact
         working, judged = precise, rough
-        quick = (
-            (self.firm_quick if self.sticks(engine) else self.quick) if engine in self.short and engine.late else None
-        )
-        forms = (self.coarse, self.late or self.coarse, quick or self.middle, engine)
+        forms = (self.coarse, self.late or self.coarse, self.stand_in(engine), engine)
         for cheap in dict.fromkeys(forms):
             working, judged = _settled(dataclasses.replace(precise, engine=cheap), engine, judged)
             if not np.isfinite(judged.chi2):

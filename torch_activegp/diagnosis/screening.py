@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 
 import numpy as np
 from numpy.typing import NDArray
@@ -23,6 +23,7 @@ from torch_activegp.diagnosis.shooting import Shooting
 from torch_activegp.physics.effect import Effect
 from torch_activegp.physics.joint import JointEffect
 
+_Row = tuple[Shooting, Fit, Linearization]
 _SAME = 1e-6
 _MOST_BYTES = 60_000_000
 """Of the columns that are tested side by side."""
@@ -109,8 +110,8 @@ def screen(shooting: Shooting, fit: Fit, effects: Sequence[Effect]) -> Screen:
     """Tests every effect at every seed on top of a fit.
 
     Force laws and what happens to controls are read off the linearisation around the fit's trajectories; only effects
-    that change masses or gravity are simulated. The segments are taken some at a time, so that a machine with many
-    joints and a long recording needs no more memory than another.
+    that change masses or gravity are simulated. Their columns are made for some segments at a time, so that a machine
+    with many joints and a long recording needs little more memory than another.
 
     Args:
         shooting: the likelihood.
@@ -119,13 +120,17 @@ def screen(shooting: Shooting, fit: Fit, effects: Sequence[Effect]) -> Screen:
     """
     parts = _parts(shooting, fit.size + sum(map(_width, effects)))
     linear = linearize(shooting, fit)
-    rows = [(shooting.pick(some), fit.pick(some), linear.pick(some)) for some in parts]
-    seeds = _scanned(rows, effects)
+
+    def rows() -> Iterator[_Row]:
+        for some in parts:
+            yield shooting.pick(some), fit.pick(some), linear.pick(some)
+
+    seeds = _scanned(rows(), effects)
     plan = [(e, seed, max(e.linear, 1)) for e in effects for seed in [*e.seeds, *seeds.get(e, [])]]
     wanted = [(e, values) for e, seed, _ in plan for values in unit_values(e, seed)]
     memory = remembered(wanted, shooting)
     normal, gradient = np.zeros((0, 0)), np.zeros(0)
-    for part, here, around in rows:
+    for part, here, around in rows():
         blocks = (
             around.respond_to_start(),
             parameter_columns(part, here),
@@ -154,19 +159,19 @@ def _width(effect: Effect) -> int:
     return len(effect.seeds) * max(effect.linear, 1)
 
 
-def _scanned(rows: Sequence[tuple[Shooting, Fit, Linearization]], effects: Sequence[Effect]) -> dict[Effect, Array]:
+def _scanned(rows: Iterable[_Row], effects: Sequence[Effect]) -> dict[Effect, Array]:
     """Seeds that the recordings show, of the effects that look for them."""
     looking = [e for e in effects if isinstance(e, JointEffect) and type(e).scan is not Effect.scan]
     if not looking:
         return {}
-    pulls, positions = [], []
+    pulls, positions, channel = [], [], {}
     for part, here, around in rows:
+        channel = {int(dof): c for c, dof in enumerate(part.engine.channels.dof)}
         start, white = part.whiten_columns(around.respond_to_start()), part.residual_of(here)
         clean = eliminate(start, start[..., :0], white)
         left = white - np.einsum("smn,sn->sm", clean.basis, np.einsum("smn,sm->sn", clean.basis, white))
         pulls.append(around.pull(part.noise.unwhiten(part.segments, left)))
         positions.append(0.5 * (around.states[:, 1:] + around.states[:, :-1])[..., around.positions])
-    channel = {int(dof): c for c, dof in enumerate(rows[0][0].engine.channels.dof)}
     out: dict[Effect, Array] = {}
     for effect in looking:
         c = channel[effect.dof]

@@ -37,7 +37,7 @@ BEAM = 2
 SWAPS = 2
 HOPELESS = 0.5
 NOISE_ALONE = 1.1
-"""What is left per degree of freedom where nothing but noise is."""
+"""What is left per degree of freedom where little but noise is: forms of a model and floors are off by some percent."""
 MAX_EFFECTS = 4
 _CHEAP = 60
 """So many fits of one segment cost little: where there are few segments, more is fitted than looks best."""
@@ -118,11 +118,12 @@ def _search(
 ) -> None:
     """Develops the best sets until none is left that could become the best."""
     resorts = _resorts(selection, shooting, effects, tell, depth.swaps)
+    skipped: set[frozenset[Effect]] = set()
     for _ in range(depth.rounds):
         if shooting.work > depth.work:
             selection.cut_short = True
             break
-        beam = [f for f in selection.ranked() if frozenset(f.effects) not in expanded]
+        beam = [f for f in selection.ranked() if frozenset(f.effects) not in expanded | skipped]
         beam = [f for f in beam[:BEAM] if selection.score(f) <= selection.score(selection.best) + selection.score.slack]
         hopeless = _hopeless(selection, shooting, 1)
         if not beam and hopeless and frozenset() not in expanded:
@@ -132,12 +133,14 @@ def _search(
                 break
             continue
         for fit in beam:
-            expanded.add(frozenset(fit.effects))
             lost = bool(fit.effects) and _hopeless(selection, shooting, 2)
             room = selection.score.names_in(fit.effects) < MAX_EFFECTS and selection.may_pay(fit, shooting.dof)
-            if room and not lost and not _cannot_win(selection, fit, expanded):
-                tell(f"testing what comes on top of {len(fit.effects)} effects")
-                _expand(selection, shooting, effects, fit)
+            if not room or lost or _cannot_win(selection, fit, expanded):
+                skipped.add(frozenset(fit.effects))
+                continue
+            expanded.add(frozenset(fit.effects))
+            tell(f"testing what comes on top of {len(fit.effects)} effects")
+            _expand(selection, shooting, effects, fit)
         _simplify(selection, shooting, effects)
         selection.rescale(shooting.dof)
 
