@@ -121,7 +121,8 @@ def test_a_model_that_is_another_one_too_is_simulated_once(bench) -> None:
 def test_initial_states_are_fitted_in_longer_steps_where_these_do(damping: float) -> None:
     """Runge-Kutta of a stiff joint diverges in them; there the engine itself fits."""
     xml = f"""<mujoco><option timestep="0.00025" integrator="RK4"/><worldbody><body>
-    <joint name="x" damping="{damping}"/><inertial pos="0 0 0" mass="1" diaginertia="1e-3 1e-3 1e-3"/></body></worldbody>
+    <joint name="x" damping="{damping}"/><inertial pos="0 0 0" mass="1" diaginertia="1e-3 1e-3 1e-3"/>
+    </body></worldbody>
     <actuator><motor name="m" joint="x"/></actuator></mujoco>"""
     model, rng = mujoco.MjModel.from_xml_string(xml), np.random.default_rng(0)
     data, positions, time = mujoco.MjData(model), [], np.arange(401) / 100
