@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from torch_activegp.data import Recording
-from torch_activegp.diagnosis.chaining import chained
+from torch_activegp.diagnosis.chaining import _at_rest, chained
 from torch_activegp.diagnosis.engine import Engine
 from torch_activegp.diagnosis.machine import make_machine
 from torch_activegp.diagnosis.noise_model import NoiseModel
@@ -104,3 +104,21 @@ def test_a_joint_that_friction_holds_may_begin_at_rest() -> None:
     assert fit.per_segment[0] > 30 * shooting.segments.samples[0]
     again = chained(shooting, fit)
     assert again.chi2 / shooting.dof < 1.1
+
+
+def test_each_joint_of_several_may_be_the_one_at_rest() -> None:
+    xml = STUCK.replace(
+        "</body></worldbody>",
+        '<body><joint name="y" axis="0 1 0"/><geom size=".1" pos="0 0 .2"/></body></body></worldbody>',
+    )
+    time = np.arange(101) / 100
+    columns = {"time": time, "qpos.x": np.sin(5.0 * time), "qpos.y": np.cos(4.0 * time), "ctrl.coil": 0.0 * time}
+    recording = Recording.from_columns("moves", columns)
+    machine = make_machine(mujoco.MjModel.from_xml_string(xml), [recording], [recording])
+    engine = Engine(machine.model, machine.channels, 10, 1)
+    shooting = Shooting(engine, cut(machine.fit, 0.25, 0.1), NoiseModel.white(np.array([1e-3, 1e-3])))
+    smooth = engine.starts(shooting.segments)
+    assert smooth.all(axis=0)[2:].all()
+    moving = [(start[:, 2:] != 0.0).all(axis=0).tolist() for start in _at_rest(shooting)]
+    assert moving == [[False, False], [False, True], [True, False]]
+    assert all((start[:, :2] == smooth[:, :2]).all() for start in _at_rest(shooting))

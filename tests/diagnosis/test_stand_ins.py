@@ -5,7 +5,7 @@ import pytest
 
 from torch_activegp.diagnosis.compared import Selection
 from torch_activegp.diagnosis.score import Score
-from torch_activegp.diagnosis.stand_ins import soften, swap, try_tuned
+from torch_activegp.diagnosis.stand_ins import _enough, soften, swap, try_tuned
 
 
 def test_rivals_take_the_place_of_what_was_found(bench) -> None:
@@ -64,3 +64,10 @@ def test_each_of_three_names_is_tried_alone_beside_what_is_tunable(bench) -> Non
     damping = ("viscous_friction", "joint:hip")
     beside = {frozenset(fit.keys & {e.key for e in three}) for fit in selection.fits if damping in fit.keys}
     assert {frozenset({e.key}) for e in three} <= beside
+
+
+def test_what_gains_more_is_replaced_on_a_smaller_part_of_the_data(bench) -> None:
+    """But never on less than a fifth of it, nor on fewer than six segments."""
+    twice = bench.shooting.pick(np.tile(np.arange(bench.segments.size), 5))
+    sizes = [_enough(twice, gain)[0].segments.size / twice.segments.size for gain in (1.0, 800.0, 1e9)]
+    assert sizes == pytest.approx([1.0, 0.5, 0.2])
