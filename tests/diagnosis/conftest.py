@@ -80,6 +80,12 @@ class Bench:
     noise = NOISE
     viscous = VISCOUS
 
+    def integrated(self, integrator: str, step: float, joint: str = "") -> Machine:
+        """The machine by another integrator and time step, s, with more attributes of its joint."""
+        text = self.xml.replace("RK4", integrator).replace("0.005", str(step))
+        text = text.replace('name="hip"', f'name="hip" {joint}', 1)
+        return dataclasses.replace(self.machine, model=mujoco.MjModel.from_xml_string(text))
+
     def effect(self, name: str, target: str = "joint:hip") -> Effect:
         return next(effect for effect in self.effects if effect.key == (name, target))
 

@@ -1,7 +1,5 @@
 from __future__ import annotations
 
-import dataclasses
-
 import mujoco
 import pytest
 
@@ -10,15 +8,8 @@ from torch_activegp.diagnosis.forms import Forms
 RK4, FAST, EULER = (int(getattr(mujoco.mjtIntegrator, f"mjINT_{name}")) for name in ("RK4", "IMPLICITFAST", "EULER"))
 
 
-def machine(bench, integrator: str, step: float, joint: str = ""):
-    text = (
-        bench.xml.replace("RK4", integrator).replace("0.005", str(step)).replace('name="hip"', f'name="hip" {joint}', 1)
-    )
-    return dataclasses.replace(bench.machine, model=mujoco.MjModel.from_xml_string(text))
-
-
 def test_the_forms_of_a_model(bench) -> None:
-    made = Forms.of(machine(bench, "Euler", 0.001), 1)
+    made = Forms.of(bench.integrated("Euler", 0.001), 1)
     assert (made.given.model.opt.integrator, made.given.substeps) == (EULER, 10)
     assert (made.fine.model.opt.integrator, made.fine.substeps) == (RK4, 10)
     assert (made.middle.model.opt.integrator, made.middle.substeps) == (RK4, 2)
@@ -31,15 +22,15 @@ def test_the_forms_of_a_model(bench) -> None:
     assert (made.quick.late, made.quick.substeps) == (True, 8)
     off = int(mujoco.mjtDisableBit.mjDSBL_CONTACT)  # nothing touches: a form that stands in need not look for it
     assert [bool(form.model.opt.disableflags & off) for form in (made.finest, made.quick)] == [False, True]
-    assert Forms.of(machine(bench, "Euler", 0.0001), 1).finest is None  # its own steps are short enough
-    made = Forms.of(machine(bench, "RK4", 0.005), 1)
+    assert Forms.of(bench.integrated("Euler", 0.0001), 1).finest is None  # its own steps are short enough
+    made = Forms.of(bench.integrated("RK4", 0.005), 1)
     assert made.coarse.model.opt.integrator == FAST
     assert made.fine is made.given
     assert made.middle is made.fine
 
 
 def test_where_a_leapfrog_is_of_first_order_it_competes_with_runge_kutta(clean, monkeypatch) -> None:
-    stuck = machine(clean, "Euler", 0.01, 'frictionloss="0.6"')
+    stuck = clean.integrated("Euler", 0.01, 'frictionloss="0.6"')
     second = Forms.of(stuck, 1)
     assert (second.leapt, second.firm_leapt) == (None, None)
     monkeypatch.setattr("torch_activegp.diagnosis.forms.is_of_second_order", lambda model: False)
@@ -58,12 +49,12 @@ def test_where_a_leapfrog_is_of_first_order_it_competes_with_runge_kutta(clean, 
 
 
 def test_a_model_without_friction_has_no_firm_form(clean) -> None:
-    assert Forms.of(machine(clean, "Euler", 0.005), 1).firm is None
+    assert Forms.of(clean.integrated("Euler", 0.005), 1).firm is None
 
 
 def test_firm_friction_is_as_firm_as_that_of_short_steps(clean) -> None:
     """Whatever the model's own time step."""
-    firm = Forms.of(machine(clean, "Euler", 0.01, 'frictionloss="0.6"'), 1).firm
+    firm = Forms.of(clean.integrated("Euler", 0.01, 'frictionloss="0.6"'), 1).firm
     assert firm is not None
     assert firm.model.dof_solref[0, 0] == pytest.approx(0.0005)
     assert (firm.substeps, firm.late) == (40, True)

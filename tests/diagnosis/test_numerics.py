@@ -2,7 +2,6 @@ from __future__ import annotations
 
 import dataclasses
 
-import mujoco
 import numpy as np
 import pytest
 
@@ -14,15 +13,8 @@ from torch_activegp.diagnosis.shooting import Shooting
 QUIET = NoiseModel.white(np.array([1e-4]))
 
 
-def machine(bench, integrator: str, step: float, joint: str = ""):
-    text = (
-        bench.xml.replace("RK4", integrator).replace("0.005", str(step)).replace('name="hip"', f'name="hip" {joint}', 1)
-    )
-    return dataclasses.replace(bench.machine, model=mujoco.MjModel.from_xml_string(text))
-
-
 def test_a_coarsely_integrated_model_yields_to_the_fine_one(clean) -> None:
-    made = Numerics.of(machine(clean, "Euler", 0.01), 1)
+    made = Numerics.of(clean.integrated("Euler", 0.01), 1)
     engine, shooting, nominal, judged = made.choose(clean.segments, clean.shooting.noise, clean.nominal, clean.nominal)
     assert engine is made.fine
     assert nominal is judged
@@ -30,7 +22,7 @@ def test_a_coarsely_integrated_model_yields_to_the_fine_one(clean) -> None:
 
 
 def test_recordings_of_the_model_itself_keep_its_own_time_step(clean) -> None:
-    made = Numerics.of(machine(clean, "Euler", 0.01), 1)
+    made = Numerics.of(clean.integrated("Euler", 0.01), 1)
     own = made.given.predict(clean.segments, clean.nominal.starts[None], [NOMINAL])[0][0]
     noise = clean.noise * np.random.default_rng(0).normal(size=own.shape)
     segments = dataclasses.replace(clean.segments, position=own + noise)
@@ -39,7 +31,7 @@ def test_recordings_of_the_model_itself_keep_its_own_time_step(clean) -> None:
 
 
 def test_the_numerics_are_judged_with_a_set_where_one_is_given(bench) -> None:
-    made = Numerics.of(machine(bench, "Euler", 0.01), 1)
+    made = Numerics.of(bench.integrated("Euler", 0.01), 1)
     sets = [((bench.effect("viscous_friction"),), (np.array([0.05]),))]
     engine, shooting, nominal, judged = made.choose(
         bench.segments, bench.shooting.noise, bench.nominal, bench.nominal, sets
@@ -54,7 +46,7 @@ def test_the_numerics_are_judged_with_a_set_where_one_is_given(bench) -> None:
 @pytest.mark.parametrize("form", ["firm", "fine", "given"])
 def test_dry_friction_of_the_model_may_stick_more_firmly_on_the_machine(clean, form: str) -> None:
     """MuJoCo's default lets a stuck joint creep, which is no missing friction."""
-    made = Numerics.of(machine(clean, "Euler", 0.005, 'frictionloss="0.6"'), 1)
+    made = Numerics.of(clean.integrated("Euler", 0.005, 'frictionloss="0.6"'), 1)
     assert made.firm is not None
     truth = getattr(made, form)
     own = truth.predict(clean.segments, clean.nominal.starts[None], [NOMINAL])[0][0]
@@ -68,7 +60,7 @@ def test_dry_friction_of_the_model_may_stick_more_firmly_on_the_machine(clean, f
 
 def test_either_scheme_of_short_steps_may_be_closer_behind_an_effect_that_is_held(clean, monkeypatch) -> None:
     monkeypatch.setattr("torch_activegp.diagnosis.forms.is_of_second_order", lambda model: False)
-    made = Numerics.of(machine(clean, "Euler", 0.005, 'frictionloss="0.6"'), 1)
+    made = Numerics.of(clean.integrated("Euler", 0.005, 'frictionloss="0.6"'), 1)
     held, smooth = clean.effect("joint_stop"), clean.effect("viscous_friction")
     always = [made.given, made.fine, made.firm, made.firm_leapt]
     assert made._forms((smooth,), None) == always
@@ -77,7 +69,7 @@ def test_either_scheme_of_short_steps_may_be_closer_behind_an_effect_that_is_hel
 
 def test_friction_of_the_model_may_be_closer_by_leapfrog(clean, monkeypatch) -> None:
     monkeypatch.setattr("torch_activegp.diagnosis.forms.is_of_second_order", lambda model: False)
-    made = Numerics.of(machine(clean, "Euler", 0.005, 'frictionloss="0.6"'), 1)
+    made = Numerics.of(clean.integrated("Euler", 0.005, 'frictionloss="0.6"'), 1)
     truth = made.firm_leapt
     assert truth is not None
     own = truth.predict(clean.segments, clean.nominal.starts[None], [NOMINAL])[0][0]

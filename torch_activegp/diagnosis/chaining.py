@@ -36,15 +36,14 @@ def chained(shooting: Shooting, fit: Fit) -> Fit:
         which = np.flatnonzero(level > _STANDS_OUT * max(float(np.median(level)), 1.0))
         if not len(which):
             break
-        starts = np.stack([_continued(shooting, fit)[which], *_at_rest(shooting.pick(which))])
-        sets = [(fit.effects, fit.values)] * len(starts)
-        others = shooting.pick(which).fit(sets, starts, rounds=_STEPS, hold=True)
+        known, part = fit, shooting.pick(which)
+        starts = np.stack([_continued(shooting, fit)[which], *_at_rest(part)])
+        others = part.fit([(fit.effects, fit.values)] * len(starts), starts, rounds=_STEPS, hold=True)
         best = np.argmin([other.per_segment for other in others], axis=0)
-        better = False
         for number, other in enumerate(others):
-            mine = (best == number) & (other.per_segment < fit.per_segment[which] - _BETTER)
-            fit, better = _with(fit, which[mine], other.pick(mine)), better or bool(mine.any())
-        if not better:
+            better = (best == number) & (other.per_segment < known.per_segment[which] - _BETTER)
+            fit = _with(fit, which[better], other.pick(better)) if better.any() else fit
+        if fit is known:
             break
     return shooting.fit([(fit.effects, fit.values)], fit.starts)[0] if fit is not before and fit.effects else fit
 

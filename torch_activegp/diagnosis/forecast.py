@@ -148,11 +148,11 @@ def compare(
     ahead: dict[str, list[Array]] = {}
     for engine in dict.fromkeys(engine for engine, _ in models.values()):  # side by side where one engine has several
         some = {name: candidate for name, (own, candidate) in models.items() if own is engine}
-        different = list({id(candidate): candidate for candidate in some.values()}.values())
-        which = [next(i for i, one in enumerate(different) if one is candidate) for candidate in some.values()]
-        runs_free, steps = free_run(engine, different, runs, noise), one_step(engine, different, runs, noise)
-        free |= {name: runs_free[i] for name, i in zip(some, which, strict=True)}
-        ahead |= {name: steps[i] for name, i in zip(some, which, strict=True)}
+        different = {id(candidate): candidate for candidate in some.values()}
+        paths = dict(zip(different, free_run(engine, [*different.values()], runs, noise), strict=True))
+        steps = dict(zip(different, one_step(engine, [*different.values()], runs, noise), strict=True))
+        free |= {name: paths[id(candidate)] for name, candidate in some.items()}
+        ahead |= {name: steps[id(candidate)] for name, candidate in some.items()}
     for number, run in enumerate(runs):
         spread = np.maximum(run.position[run.recorded].std(axis=0), 1e-12)
         frees = {name: some[number] for name, some in free.items()}

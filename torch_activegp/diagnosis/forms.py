@@ -92,7 +92,10 @@ class Forms:
             middle = make(model, substeps=halfway, integrator=RUNGE_KUTTA, contacts=not free)
         cheap = {"stride": stride, "contacts": not free}
         coarse = make(model, substeps=min(seldom, plain), integrator=_cheap(model), **cheap)
-        late, short = None, _held(make, model, step, often, stiff, free) | _firm(make, model, step, often, stiff, free)
+        late, second = None, not stiff and is_of_second_order(model)
+        where = make, model, step, often
+        short = _held(*where, leaps=not stiff, second=second, free=free)
+        short |= _firm(*where, leaps=not stiff, second=second, free=free)
         if not stiff and (model.nu or model.dof_damping.any()):
             late = make(model, substeps=coarse.substeps, late=True, **cheap)
         made = cls(given, fine, coarse, middle, stiff, late, **short)
@@ -115,20 +118,20 @@ class Forms:
 
 
 def _held(
-    make: Make, model: mujoco.MjModel, step: float, often: int, stiff: bool, free: bool
+    make: Make, model: mujoco.MjModel, step: float, often: int, leaps: bool, second: bool, free: bool
 ) -> dict[str, Engine | None]:
     """Forms for effects that are held within a step: ``finest``, ``leapt`` and ``quick``."""
     leap, held = _steps(step, _EFFECT_STEP), _steps(step, _HELD_STEP)
-    leapt = make(model, substeps=leap, late=True) if leap > often and not stiff else None
+    leapt = make(model, substeps=leap, late=True) if leap > often and leaps else None
     quick = make(model, substeps=_steps(step, _QUICK), late=True, contacts=not free) if leapt else None
-    if leapt is not None and is_of_second_order(model):
+    if leapt is not None and second:
         return {"finest": leapt, "quick": quick}
     finest = make(model, substeps=held, integrator=RUNGE_KUTTA) if held > often else None
     return {"finest": finest, "leapt": leapt, "quick": quick}
 
 
 def _firm(
-    make: Make, model: mujoco.MjModel, step: float, often: int, stiff: bool, free: bool
+    make: Make, model: mujoco.MjModel, step: float, often: int, leaps: bool, second: bool, free: bool
 ) -> dict[str, Engine | None]:
     """The same with the dry friction that joints have sticking firmly: ``firm``, ``firm_leapt`` and ``firm_quick``."""
     if not model.dof_frictionloss.any():
@@ -137,12 +140,11 @@ def _firm(
     def by(steps: int, **how: bool | int) -> Engine:
         return make(sticking(model, step / steps), substeps=steps, **how)
 
-    firm, leapt, quick = by(max(often, _steps(step, 2 * _FIRM_STEP)), integrator=RUNGE_KUTTA), None, None
-    if not stiff:
-        leapt = by(max(often, _steps(step, _FIRM_STEP)), late=True)
-        quick = by(_steps(step, _QUICK), late=True, contacts=not free)
-    if leapt is not None and is_of_second_order(model):
-        firm, leapt = leapt, None
+    leapt = by(max(often, _steps(step, _FIRM_STEP)), late=True) if leaps else None
+    quick = by(_steps(step, _QUICK), late=True, contacts=not free) if leaps else None
+    if second:
+        return {"firm": leapt, "firm_quick": quick}
+    firm = by(max(often, _steps(step, 2 * _FIRM_STEP)), integrator=RUNGE_KUTTA)
     return {"firm": firm, "firm_leapt": leapt, "firm_quick": quick}
 
 

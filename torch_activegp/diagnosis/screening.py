@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,6 +13,7 @@ from torch_activegp.diagnosis.fit import Fit
 from torch_activegp.diagnosis.linearize import Linearization, linearize
 from torch_activegp.diagnosis.runs import Array
 from torch_activegp.diagnosis.sensitivities import (
+    channels_of,
     effect_columns,
     parameter_columns,
     remembered,
@@ -125,7 +126,7 @@ def screen(shooting: Shooting, fit: Fit, effects: Sequence[Effect]) -> Screen:
         for some in parts:
             yield shooting.pick(some), fit.pick(some), linear.pick(some)
 
-    seeds = _scanned(rows(), effects)
+    seeds = _scanned(channels_of(shooting), rows(), effects)
     plan = [(e, seed, max(e.linear, 1)) for e in effects for seed in [*e.seeds, *seeds.get(e, [])]]
     wanted = [(e, values) for e, seed, _ in plan for values in unit_values(e, seed)]
     memory = remembered(wanted, shooting)
@@ -159,14 +160,13 @@ def _width(effect: Effect) -> int:
     return len(effect.seeds) * max(effect.linear, 1)
 
 
-def _scanned(rows: Iterable[_Row], effects: Sequence[Effect]) -> dict[Effect, Array]:
-    """Seeds that the recordings show, of the effects that look for them."""
+def _scanned(channel: Mapping[int, int], rows: Iterable[_Row], effects: Sequence[Effect]) -> dict[Effect, Array]:
+    """Seeds that the recordings show, of the effects that look for them; channels by degree of freedom."""
     looking = [e for e in effects if isinstance(e, JointEffect) and type(e).scan is not Effect.scan]
     if not looking:
         return {}
-    pulls, positions, channel = [], [], {}
+    pulls, positions = [], []
     for part, here, around in rows:
-        channel = {int(dof): c for c, dof in enumerate(part.engine.channels.dof)}
         start, white = part.whiten_columns(around.respond_to_start()), part.residual_of(here)
         clean = eliminate(start, start[..., :0], white)
         left = white - np.einsum("smn,sn->sm", clean.basis, np.einsum("smn,sm->sn", clean.basis, white))

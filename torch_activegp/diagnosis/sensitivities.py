@@ -50,7 +50,7 @@ def effect_columns(
     forces: dict[int, list[int]] = {}
     simulated: list[int] = []
     controlled: list[int] = []
-    channel = _channels_of(shooting)
+    channel = channels_of(shooting)
     for i, (effect, values) in enumerate(wanted):
         if isinstance(effect, JointEffect):
             forces.setdefault(channel[effect.dof], []).append(i)
@@ -113,7 +113,7 @@ def remembered(wanted: Sequence[tuple[Effect, Array]], shooting: Shooting) -> di
     smooth = np.stack([np.pad(run.smooth, ((0, length - len(run) + 1), (0, 0)), mode="edge") for run in runs])
     dt = np.stack([np.pad(run.dt, (0, length - len(run) + 1), mode="edge") for run in runs])
     fine, steps = np.repeat(plain, substeps, axis=1), np.repeat(dt / substeps, substeps, axis=1)
-    channel = _channels_of(shooting)
+    channel = channels_of(shooting)
     filters = shooting.engine.filters
     behind = fine[None].copy()
     for own in filters:
@@ -132,7 +132,7 @@ def remembered(wanted: Sequence[tuple[Effect, Array]], shooting: Shooting) -> di
     return out
 
 
-def _channels_of(shooting: Shooting) -> dict[int, int]:
+def channels_of(shooting: Shooting) -> dict[int, int]:
     """The number of each recorded joint by its degree of freedom."""
     return {int(dof): c for c, dof in enumerate(shooting.engine.channels.dof)}
 
