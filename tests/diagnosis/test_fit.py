@@ -32,10 +32,23 @@ def test_a_set_holds_a_smaller_one_and_linear_effects_that_do_nothing(bench) -> 
     guess = np.array([0.4])
     found = inside((drag, wet), (guess, guess), below)
     assert found is not None
-    assert found[0] == below.chi2
+    assert found[0] is below
     assert found[1].tolist() == [0.0, below.values[0][0]]
-    np.testing.assert_array_equal(found[2], below.starts)
     assert inside((wet, late), (guess, guess), below) is None
     assert inside((drag,), (guess,), below) is None
     assert inside((wet,), (guess,), below) is None
     assert inside((wet,), (guess,), None) is None
+
+
+def test_derivatives_are_lent_to_the_same_parameters_elsewhere(bench) -> None:
+    wet, drag = bench.effect("viscous_friction"), bench.effect("quadratic_drag")
+    columns = np.arange(8.0 * 59 * 2).reshape(8, 59, 2)
+    fit = dataclasses.replace(
+        bench.nominal, effects=(wet, drag), values=(np.array([0.1]), np.array([0.3])), columns=columns
+    )
+    lent = fit.columns_of((bench.effect("hysteresis"), drag, wet), (np.ones(2), np.array([0.3]), np.array([0.2])))
+    assert list(lent) == [2]
+    np.testing.assert_array_equal(lent[2], columns[..., 1])
+    assert bench.nominal.columns_of((drag,), (np.ones(1),)) == {}
+    np.testing.assert_array_equal(fit.pick(np.array([1, 4])).columns, columns[[1, 4]])
+    assert dataclasses.replace(fit, columns=None).columns_of((wet,), (np.array([0.1]),)) == {}

@@ -52,7 +52,7 @@ def test_held_parameters_leave_the_states_free(line) -> None:
 def test_a_segment_that_is_far_off_begins_again_from_the_recording(bench) -> None:
     nominal, smooth = bench.nominal, bench.nominal.starts + 7.0
     friction = (bench.effect("viscous_friction"),), (np.array([0.05]),)
-    problem = Problem(bench.shooting, *friction, nominal.starts, design=nominal.design, smooth=smooth)
+    problem = Problem(bench.shooting, *friction, nominal.starts, near=nominal, smooth=smooth)
     problem.ask()
     residual = np.ones((1, *nominal.design.shape[:2]))
     residual[0, 1] = 100.0

@@ -5,6 +5,7 @@ import dataclasses
 import numpy as np
 import pytest
 
+from torch_activegp.diagnosis import numerics
 from torch_activegp.diagnosis.engine import NOMINAL
 from torch_activegp.diagnosis.noise_model import NoiseModel
 from torch_activegp.diagnosis.numerics import Numerics
@@ -79,3 +80,47 @@ def test_friction_of_the_model_may_be_closer_by_leapfrog(clean, monkeypatch) -> 
     nominal = shooting.fit([((), ())], clean.nominal.starts)[0]
     engine, *_ = made.choose(shooting.segments, quiet, nominal, nominal)
     assert engine is truth
+
+
+def truth_of(bench, made: Numerics, form: str, loud: float = 1.0) -> Shooting:
+    """The likelihood of what one of the forms would have recorded."""
+    own = getattr(made, form).predict(bench.segments, bench.nominal.starts[None], [NOMINAL])[0][0]
+    noise = loud * bench.noise * np.random.default_rng(0).normal(size=own.shape)
+    segments = dataclasses.replace(bench.segments, position=own + noise)
+    return Shooting(made.given, segments, NoiseModel.white(np.array([loud * bench.noise])))
+
+
+def test_a_hopeless_form_is_given_up_after_one_fit(clean, monkeypatch) -> None:
+    made = Numerics.of(clean.integrated("Euler", 0.01), 1)
+    shooting = truth_of(clean, made, "fine", 0.1)
+    settled = []
+
+    def listen(working, judged):
+        settled.append(judged.chi2 / working.dof)
+        return judged
+
+    monkeypatch.setattr(numerics, "chained", listen)
+    nominal = shooting.fit([((), ())], clean.nominal.starts)[0]
+    assert nominal.chi2 > 10 * shooting.dof
+    engine, *_ = made.choose(shooting.segments, shooting.noise, nominal, nominal)
+    assert engine is made.fine
+    assert max(settled) < 2.0
+    monkeypatch.setattr(numerics, "_NEAR", 0.0)
+    made.choose(shooting.segments, shooting.noise, nominal, nominal)
+    assert max(settled) > 4.0
+
+
+def test_the_cheapest_form_that_is_close_comes_first(clean, monkeypatch) -> None:
+    made = Numerics.of(clean.integrated("Euler", 0.01), 1)
+    shooting = truth_of(clean, made, "fine")
+    fit = shooting.fit([((), ())], clean.nominal.starts)[0]
+    precise = dataclasses.replace(shooting, engine=made.fine)
+    rival = numerics._Rival.at(shooting, made.fine, fit)
+    far = {id(made.coarse): 50.0, id(made.late): 20.0}
+    monkeypatch.setattr(numerics, "_unabsorbed", lambda working, fit: far[id(working.engine)])
+    assert made._cheap_ones(rival, precise, fit) == [made.late, made.coarse, made.fine]
+    far[id(made.coarse)] = 29.0
+    assert made._cheap_ones(rival, precise, fit) == [made.coarse, made.late, made.fine]
+    stiff = dataclasses.replace(made, stiff=True)
+    far[id(made.coarse)] = 50.0
+    assert stiff._cheap_ones(rival, precise, fit)[0] is made.coarse

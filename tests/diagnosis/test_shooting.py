@@ -116,9 +116,52 @@ def test_a_first_guess_that_makes_it_worse_is_left_for_the_smaller_set(bench) ->
     effects, guess = (bench.effect("viscous_friction"), bench.effect("armature_error")), 30.0
     below = bench.fit("viscous_friction", 0.02)
     some = [(effects, (below.values[0], np.array([guess])))]
-    (led,) = bench.shooting.fit(some, below.starts, design=below.design, rounds=8)
-    (left,) = bench.shooting.fit(some, below.starts, design=below.design, rounds=8, below=below)
+    (led,) = bench.shooting.fit(some, below.starts, near=below, rounds=8)
+    (left,) = bench.shooting.fit(some, below.starts, near=below, rounds=8, below=below)
     assert left.chi2 <= below.chi2 < led.chi2
+
+
+def count_simulations(monkeypatch) -> list[int]:
+    asked = []
+    predict = Engine.predict
+
+    def listen(self, segments, starts, candidates):
+        asked.append(len(candidates))
+        return predict(self, segments, starts, candidates)
+
+    monkeypatch.setattr(Engine, "predict", listen)
+    return asked
+
+
+def test_derivatives_of_a_smaller_set_serve_a_larger_one(bench, monkeypatch) -> None:
+    below = bench.fit("viscous_friction", 0.02)
+    assert below.columns is not None
+    larger = (below.effects[0], bench.effect("quadratic_drag")), (below.values[0], np.array([1e-3]))
+    (plain,) = bench.shooting.fit([larger], below.starts, near=dataclasses.replace(below, columns=None))
+    asked = count_simulations(monkeypatch)
+    (fit,) = bench.shooting.fit([larger], below.starts, near=below)
+    assert max(asked) == 1
+    assert fit.chi2 == pytest.approx(plain.chi2, abs=0.1)
+    np.testing.assert_allclose(fit.values[1], plain.values[1], atol=0.1 * below.information[0, 0] ** -0.5)
+
+
+def test_a_set_whose_derivatives_are_all_known_steps_at_once(bench, monkeypatch) -> None:
+    best = bench.fit("viscous_friction", 0.02)
+    off = [((best.effects[0],), (1.05 * best.values[0],))]
+    asked = count_simulations(monkeypatch)
+    (fit,) = bench.shooting.fit(off, best.starts, near=best)
+    assert set(asked) == {1}
+    assert fit.chi2 == pytest.approx(best.chi2, abs=0.1)
+
+
+def test_a_correction_by_what_is_known_needs_no_precise_simulation(bench, monkeypatch) -> None:
+    precise = Engine(bench.machine.model, bench.engine.channels, 8, 1)
+    asked = bench.shooting.corrected(precise, bench.nominal)
+    exact = dataclasses.replace(bench.shooting, engine=precise).predicted(bench.nominal)
+    monkeypatch.setattr(precise, "predict", None)
+    told = bench.shooting.corrected(precise, bench.nominal, exact)
+    assert told.offset is not None and np.abs(told.offset).max() > 0.0
+    np.testing.assert_array_equal(told.offset, asked.offset)
 
 
 @pytest.fixture
@@ -133,7 +176,7 @@ def sticking(clean):
     nominal = shooting.fit([((), ())], engine.starts(segments), rounds=6)[0]
     assert nominal.chi2 > 100 * shooting.dof
     begin = [((effect,), (np.array([0.75, 0.09, 0.5]),))]
-    return lambda **how: (shooting.fit(begin, nominal.starts, design=nominal.design, **how)[0], shooting.dof)
+    return lambda **how: (shooting.fit(begin, nominal.starts, near=nominal, **how)[0], shooting.dof)
 
 
 def test_a_joint_that_sticks_and_slips_lets_parameters_go_far(sticking) -> None:

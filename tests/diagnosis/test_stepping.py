@@ -63,3 +63,23 @@ def test_a_simulation_that_fails_on_the_way_is_nan_both_ways(bench, monkeypatch)
         assert np.isnan(read[0, 3]).all()
         assert np.isfinite(np.delete(read[0], 3, axis=0)).all()
         assert np.isfinite(read[1]).all()
+
+
+def test_inputs_of_several_rows_are_made_together(bench, monkeypatch) -> None:
+    calls = []
+    make = stepping.Inputs.__call__
+
+    def listen(self, edges):
+        calls.append(len(edges))
+        return make(self, edges)
+
+    monkeypatch.setattr(stepping.Inputs, "__call__", listen)
+    monkeypatch.setattr(stepping, "_FEWER", np.inf)
+    starts = np.repeat(bench.nominal.starts[None], 5, axis=0)
+    monkeypatch.setattr(stepping, "_TOGETHER", 1)
+    one_each = bench.engine.predict(bench.segments, starts, candidates_on(bench))[0]
+    assert calls == [1] * bench.segments.intervals
+    monkeypatch.setattr(stepping, "_TOGETHER", 16)
+    together = bench.engine.predict(bench.segments, starts, candidates_on(bench))[0]
+    assert max(calls) == 16
+    np.testing.assert_array_equal(one_each, together)

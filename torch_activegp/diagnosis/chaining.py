@@ -54,7 +54,7 @@ def _with(fit: Fit, which: NDArray[np.int64], part: Fit) -> Fit:
     for name in ("starts", "per_segment", "design"):
         columns[name] = getattr(fit, name).copy()
         columns[name][which] = getattr(part, name)
-    return dataclasses.replace(fit, chi2=total(columns["per_segment"]), **columns)
+    return dataclasses.replace(fit, chi2=total(columns["per_segment"]), columns=None, **columns)
 
 
 def _continued(shooting: Shooting, fit: Fit) -> Array:

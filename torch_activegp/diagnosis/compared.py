@@ -115,7 +115,7 @@ def compare(
         below: a fit of what the sets have in common, if they have.
     """
     if sets:
-        fits = shooting.fit(sets, near.starts, rounds, race, design=near.design, below=below)
+        fits = shooting.fit(sets, near.starts, rounds, race, near=near, below=below)
         selection.add(fits)
         far = selection.score(selection.best) + selection.score.slack
         selection.add([better for fit in fits if (better := _from_within(shooting, selection, fit, far)) is not None])
@@ -137,8 +137,7 @@ def _from_within(shooting: Shooting, selection: Selection, fit: Fit, far: float 
     begin = inside(fit.effects, fit.values, smaller)
     if begin is None:
         return None
-    _, flat, starts, design = begin
-    return shooting.fit([(fit.effects, split(fit.effects, flat))], starts, design=design)[0]
+    return shooting.fit([(fit.effects, split(fit.effects, begin[1]))], smaller.starts, near=smaller)[0]
 
 
 def fitted(shooting: Shooting, selection: Selection, effects: Sequence[Effect], whole: Fit | None = None) -> Fit:
@@ -151,7 +150,7 @@ def fitted(shooting: Shooting, selection: Selection, effects: Sequence[Effect], 
     values = best.by_effect
     if fit is None:
         start = (tuple(effects), tuple(values[effect] for effect in effects))
-        fit = shooting.fit([start], best.starts, design=best.design)[0]
+        fit = shooting.fit([start], best.starts, near=best)[0]
     again = _from_within(shooting, selection, fit)
     return fit if again is None else min(fit, again, key=lambda fit: fit.chi2)
 
@@ -165,7 +164,7 @@ def without_each(selection: Selection, shooting: Shooting) -> list[tuple[Effect,
     unknown = [rest for rest in rests.values() if selection.of(rest) is None]
     if unknown:
         sets = [(rest, [values[e] for e in rest]) for rest in unknown]
-        selection.add(shooting.fit(sets, best.starts, design=best.design))
+        selection.add(shooting.fit(sets, best.starts, near=best))
     smaller = []
     for effect, rest in rests.items():
         fit = selection.of(rest)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import functools
 
 import numpy as np
 
@@ -28,6 +29,11 @@ class Eliminated:
     triangle: Array
     columns: Array
     residual: Array
+
+    @functools.cached_property
+    def promise(self) -> Array:
+        """Chi2 that the initial states alone can take away in each segment, to first order, ``(S,)``."""
+        return np.asarray((np.einsum("smn,sm->sn", self.basis, self.residual) ** 2).sum(-1))
 
     def states(self, delta: Array, reach: Array) -> Array:
         """The change of the initial states that belongs to a change of the parameters, ``(S, n)``.

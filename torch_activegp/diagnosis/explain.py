@@ -149,7 +149,7 @@ def _start(
         tell("naming on a part of the data")
         part, which = shooting.subset(max(_ENOUGH / excess, 0.2, _FEWEST / segments.size))
         here = nominal.pick(which)
-        rough = part.fit([((), ())], here.starts, design=here.design)[0]
+        rough = part.fit([((), ())], here.starts, near=here)[0]
         chosen = select(part, effects, rough, tell=tell, depth=Depth(rounds=1))
         if chosen.best.effects and chosen.score.scale > NOISE_ALONE:
             sets, free = _leaders(chosen), chosen.score.free  # behind them another form may agree better

@@ -12,6 +12,8 @@ from torch_activegp.diagnosis.engine import Candidate
 from torch_activegp.diagnosis.runs import Array
 from torch_activegp.physics.effect import Effect
 
+_ABOUT = 0.1
+
 
 @dataclasses.dataclass(frozen=True, eq=False)
 class Fit:
@@ -26,6 +28,7 @@ class Fit:
         information: normal matrix of the parameters after the states are eliminated, ``(P, P)``.
         scores: gradient of half the chi2 in each segment, ``(S, P)``.
         design: derivatives of the whitened residuals by the initial states, ``(S, M, nq + nv)``.
+        columns: the same by the parameters, ``(S, M, P)``; both may have been taken at a point near by.
     """
 
     effects: tuple[Effect, ...]
@@ -36,6 +39,7 @@ class Fit:
     information: Array
     scores: Array
     design: Array | None = None
+    columns: Array | None = None
 
     @property
     def candidate(self) -> Candidate:
@@ -62,6 +66,23 @@ class Fit:
         """Names and targets."""
         return frozenset(effect.key for effect in self.effects)
 
+    def columns_of(self, effects: Sequence[Effect], values: Sequence[Array]) -> dict[int, Array]:
+        """Derivatives by those parameters of a set that have about these values here too.
+
+        Returns:
+            By the parameter's place in the row of all, ``(S, M)`` each.
+        """
+        out: dict[int, Array] = {}
+        if self.columns is None:
+            return out
+        here = dict(zip(self.effects, np.cumsum([0, *map(len, self.values)])[:-1], strict=True))
+        at = 0
+        for effect, value in zip(effects, values, strict=True):
+            if effect in here and np.allclose(value, self.by_effect[effect], rtol=_ABOUT):
+                out |= {at + i: self.columns[..., here[effect] + i] for i in range(len(value))}
+            at += len(value)
+        return out
+
     def pick(self, which: NDArray[np.int64] | NDArray[np.bool_]) -> Fit:
         """What it is on some of the segments."""
         per_segment = self.per_segment[which]
@@ -72,17 +93,16 @@ class Fit:
             per_segment=per_segment,
             scores=self.scores[which],
             design=None if self.design is None else self.design[which],
+            columns=None if self.columns is None else self.columns[which],
         )
 
 
-def inside(
-    effects: Sequence[Effect], values: Sequence[Array], below: Fit | None
-) -> tuple[float, Array, Array, Array | None] | None:
+def inside(effects: Sequence[Effect], values: Sequence[Array], below: Fit | None) -> tuple[Fit, Array] | None:
     """A set as a fit and further effects that do nothing.
 
     Returns:
-        Chi2, parameters in a row ``(P,)``, initial states ``(S, nq + nv)``, and derivatives by them; None where the set
-        does not hold the fit's effects, or others beside them than linear and tunable ones, which do nothing at zero.
+        The fit, and parameters in a row ``(P,)``; None where the set does not hold the fit's effects, or others beside
+        them than linear and tunable ones, which do nothing at zero.
     """
     if below is None or not set(below.effects) < set(effects):
         return None
@@ -90,7 +110,7 @@ def inside(
     if not all(effect in known or effect.linear or effect.tunable for effect in effects):
         return None
     flat = [known.get(effect, effect.absent(value)) for effect, value in zip(effects, values, strict=True)]
-    return below.chi2, np.concatenate(flat), below.starts, below.design
+    return below, np.concatenate(flat)
 
 
 def split(effects: Sequence[Effect], flat: Array) -> tuple[Array, ...]:

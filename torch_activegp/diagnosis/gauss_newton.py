@@ -6,9 +6,10 @@ import copy
 
 import numpy as np
 
-from torch_activegp.diagnosis.elimination import bounded_step, eliminate
+from torch_activegp.diagnosis.differences import Differences
+from torch_activegp.diagnosis.elimination import Eliminated, bounded_step, eliminate
 from torch_activegp.diagnosis.engine import Candidate
-from torch_activegp.diagnosis.fit import Fit, bounds, difference_steps, inside, split
+from torch_activegp.diagnosis.fit import Fit, bounds, inside, split
 from torch_activegp.diagnosis.point import FAILED, Likelihood, Point, total
 from torch_activegp.diagnosis.runs import Array
 from torch_activegp.physics.effect import Effect
@@ -21,14 +22,16 @@ SETTLE = 4
 _STOPPED = 0.02
 _STALE = 2
 """Steps with old derivatives by the states, before new ones where the last step still changed much."""
+_ALONE, _SHARE = 1.0, 1e-3
+"""Chi2, and part of it, that the states must promise for one more step of theirs or for new derivatives by them."""
 
 
 class Problem:
     """One set on its way to the optimum: Levenberg-Marquardt on the parameters, the states by projection.
 
     Where the first guess is worse than the smaller set `below`, it begins from there instead.
-    Derivatives by the states may come from a fit of another set near by; they are computed anew where they mislead. Its
-    states too: segments that are far off in the beginning try the smoothed recording in their place.
+    Derivatives may come from a fit of another set near by; they are computed anew where they mislead. Its states too:
+    segments that are far off in the beginning try the smoothed recording in their place.
     """
 
     def __init__(
@@ -38,12 +41,14 @@ class Problem:
         values: tuple[Array, ...],
         starts: Array,
         hold: bool = False,
-        design: Array | None = None,
+        near: Fit | None = None,
         smooth: Array | None = None,
         below: Fit | None = None,
     ) -> None:
         self.shooting = shooting
         self._below = inside(effects, values, below)
+        self._given = {} if near is None else near.columns_of(effects, values)
+        self._design = None if near is None else near.design
         self._smooth = smooth
         self.effects = effects
         self.finished = False
@@ -53,19 +58,19 @@ class Problem:
         self._trial = np.clip(self._trial, self._low, self._high)
         self._damping = _FIRST_DAMPING
         self._best: Point | None = None
-        self._design = design
         self._hold = hold or not len(self._trial)
-        self._settling = 0 if self._hold or design is None else SETTLE
+        self._settling = 0 if self._hold or self._design is None else SETTLE
         self._columns: Array | None = None
         self._reach = shooting.state_reach()
         self._brake = np.ones(len(starts))
-        self._steps = np.zeros(0)
         self._raw = np.zeros(0)
+        self._differences: Differences
+        self._linear: Eliminated
         self._known = False
         self._kept: Problem | None = None
         self._predicted = 0.0
-        self._age = 0 if design is None else 1
-        self._stale = design is not None
+        self._stale = self._design is not None
+        self._age = int(self._stale)
 
     @property
     def chi2(self) -> float:
@@ -85,21 +90,13 @@ class Problem:
         """
         self._known = False
         flat, starts = self._trial, self._trial_starts
-        base = Candidate(self.effects, split(self.effects, flat))
         if self._design is not None and self._still:
             self._columns = np.zeros((*self._design.shape[:2], 0))
         if self._design is not None and self._columns is not None:
-            return [base], starts[None]
-        self._state_steps = self.shooting.state_columns(starts)
-        self._steps = difference_steps(self.effects, flat)[: 0 if self._still else None]
-        n = len(self._state_steps) if self._design is None else 0
-        states = np.repeat(starts[None], 1 + n + len(self._steps), axis=0)
-        states[1 : 1 + n] += np.eye(len(self._state_steps))[:n, None, :] * self._state_steps
-        candidates = [base] * (1 + n)
-        for i in range(len(self._steps)):
-            moved = flat.copy()
-            moved[i] += self._steps[i]
-            candidates.append(Candidate(self.effects, split(self.effects, moved)))
+            return [Candidate(self.effects, split(self.effects, flat))], starts[None]
+        moved = self.shooting.state_columns(starts)[: 0 if self._design is not None else None]
+        self._differences = Differences.of(self.effects, flat, moved, None if self._still else self._given)
+        candidates, states = self._differences.candidates(self.effects, flat, starts)
         at = self._best
         self._known = at is not None and flat is at.flat and starts is at.starts and len(candidates) > 1
         return candidates[self._known :], states[self._known :]
@@ -117,7 +114,7 @@ class Problem:
             self._worse(residual, per_segment, last)
         else:
             if len(white) > 1 or self._columns is None:
-                self._take_derivatives(white)
+                self._take_derivatives(white, self._differences)
             first = self._best is None
             self._better(residual, per_segment, len(white) > 1, last)
             if first and self._still and self._smooth is not None:
@@ -129,19 +126,26 @@ class Problem:
         """First the states alone, so that what is not smooth does not refuse every step of the parameters."""
         if not self._settling:
             return
-        self._settling = 0 if self.finished or last else self._settling - 1
+        assert self._best is not None
+        settled = self._design is not None and self._predicted < _ALONE + _SHARE * self.chi2
+        self._settling = 0 if self.finished or last or settled else self._settling - 1
         if self._settling or (last and self._kept is None):
             return
-        assert self._best is not None
         if self._kept is not None:
             self._end_of_detour()
             return
         self.finished, self._columns, self._damping = False, None, _FIRST_DAMPING
-        if self._below is not None and self.chi2 > self._below[0]:  # a first guess that makes it worse misleads
-            _, self._trial, self._trial_starts, self._design = self._below
+        if self._below is not None and self.chi2 > self._below[0].chi2:  # a first guess that makes it worse misleads
+            below, self._trial = self._below
+            self._trial_starts, self._design = below.starts, below.design
+            self._given = below.columns_of(self.effects, split(self.effects, self._trial))
             self._best, self._below, self._brake[:] = None, None, 1.0
             return
         self._trial, self._trial_starts = self._best.flat, self._best.starts
+        if len(self._given) == len(self._trial) and self._design is not None:
+            columns = self._take_derivatives(self._raw[None], Differences(np.zeros(0)))
+            self._linear = eliminate(self._design, columns, np.nan_to_num(self._raw))
+            self._propose()
 
     def _better(self, residual: Array, per_segment: Array, fresh: bool, last: bool) -> None:
         """Takes a step that helped, or the point where the derivatives were taken."""
@@ -169,6 +173,8 @@ class Problem:
         assert self._best is not None and self._design is not None and self._columns is not None
         old = self._best.per_segment
         better = per_segment < old
+        promised = self._linear.promise[~better & (self._brake < 1.0)].sum()
+        misled = self._stale and promised > _ALONE + _SHARE * self.chi2
         starts = np.where(better[:, None], self._trial_starts, self._best.starts)
         level = np.where(better, per_segment, old)
         self._raw = np.where(better[:, None], residual, self._raw)
@@ -178,7 +184,6 @@ class Problem:
         self._brake = np.where(better, np.minimum(2.0 * self._brake, 1.0), 0.3 * self._brake)
         self._age += 1
         big = fell > _MUCH * self.chi2
-        misled = self._stale and bool((~better & (self._brake < 1.0)).any())
         self.finished = last or (fell < 1e-4 * self.chi2 + _LITTLE and bool((self._brake < 0.05)[~better].all()))
         if last:
             return
@@ -190,13 +195,15 @@ class Problem:
         elif not self.finished:
             self._propose()
 
-    def _take_derivatives(self, white: Array) -> None:
-        residual, n = white[0], len(white) - 1 - len(self._steps)
+    def _take_derivatives(self, white: Array, by: Differences) -> Array:
         if self._design is None:
-            moved = -(white[1 : 1 + n] - residual) / self._state_steps[:, None, None]
-            self._design = np.nan_to_num(moved).transpose(1, 2, 0)
+            self._design = by.by_states(white)
             self._age, self._stale = 0, False
-        self._columns = np.nan_to_num(-(white[1 + n :] - residual) / self._steps[:, None, None]).transpose(1, 2, 0)
+        given = {} if self._still else self._given
+        self._columns = by.by_parameters(white, given)
+        if given:
+            self._given, self._age = {}, max(self._age, 1)
+        return self._columns
 
     def _detour(self, residual: Array, per_segment: Array) -> None:
         """Lets the states follow a step that did not help before it is refused: what stuck before may slip now.
@@ -265,7 +272,7 @@ class Problem:
             normal, gradient = eliminated.normal.sum(0), eliminated.gradient.sum(0)
             delta = bounded_step(normal, gradient, self._damping, flat, self._low, self._high)
         shift = eliminated.states(delta[: eliminated.normal.shape[-1]], self._reach)
-        gain = float((np.einsum("smn,sm->sn", eliminated.basis, eliminated.residual) ** 2).sum())
+        gain = float((eliminated.promise * self._brake * (2.0 - self._brake)).sum())
         if not self._still:
             gain += float(2 * eliminated.gradient.sum(0) @ delta - delta @ eliminated.normal.sum(0) @ delta)
         self._predicted = gain
@@ -289,4 +296,5 @@ class Problem:
             linear.normal.sum(0),
             linear.gradient,
             self._design,
+            None if self._columns is None or self._columns.shape[-1] < len(self._best.flat) else self._columns,
         )

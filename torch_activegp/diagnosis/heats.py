@@ -66,5 +66,5 @@ def seen_on(shooting: Shooting, fit: Fit, score: Score) -> tuple[Shooting, Fit]:
 
 def near(part: Shooting, sets: Sequence[Set], here: Fit, bars: Sequence[float]) -> list[Set]:
     """Those of some sets whose chi2 on a part of the data is below that of a fit and a bar on top, one for each."""
-    trials = part.fit(sets, here.starts, race=True, design=here.design, below=here)
+    trials = part.fit(sets, here.starts, race=True, near=here, below=here)
     return [(fit.effects, fit.values) for fit, bar in zip(trials, bars, strict=True) if fit.chi2 < here.chi2 + bar]

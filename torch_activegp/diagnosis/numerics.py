@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 from collections.abc import Sequence
+from typing import Self
 
 import numpy as np
 
@@ -30,6 +31,8 @@ _MUCH, _CLEARLY = 2.0, 0.25
 """Where more than this times the noise is left, another form than the model's own must fit better by so much of it:
 one form or the other absorbs some of what is missing by chance."""
 _SETTLED = 0.01
+_NEAR, _LOST = 2.0, 4.0
+"""Where a form leaves less than so many times the noise, others that leave so many times as much are given up."""
 _SAME = 0.02
 _LIKE_A_TIME_STEP = frozenset({"actuator_delay", "actuator_lag", "sensor_delay"})
 
@@ -83,27 +86,48 @@ class Numerics(Forms):
         rough = here = near.pick(which)
         if sets and tuple(sets[0][0]) != near.effects:
             for cheap in dict.fromkeys((self.coarse, self.middle, self.given)):
-                rough = dataclasses.replace(first, engine=cheap).fit(sets[:1], here.starts, design=here.design)[0]
+                rough = dataclasses.replace(first, engine=cheap).fit(sets[:1], here.starts, near=here)[0]
                 if np.isfinite(rough.chi2):
                     break
         trials = [*sets[:1], *_without_delays(sets[:1])]
-        results, share = [], first.dof / whole.dof
-        for engine in self._forms(trials[0][0] if trials else (), known):
-            working, judged = self._working(engine, first, rough)
-            others = working.fit(trials[1:], judged.starts, design=judged.design) if len(trials) > 1 else []
-            best = min([judged, *others], key=lambda fit: fit.chi2 / share + _PRICE * fit.size)
-            results.append((self._cost(engine, best, best.chi2 / share, whole.dof), engine, working, best))
-        _, engine, working, judged = min(results, key=lambda result: result[0])
+        competing = self._forms(trials[0][0] if trials else (), known)
+        engine, working, judged = self._race(competing, first, rough, trials[1:], whole.dof)
         if known is not None and engine is known[0] and judged.effects == near.effects:
             return *known, nominal, near
         if first.segments.size < segments.size:
-            begin = dataclasses.replace(near, effects=judged.effects, values=judged.values)
+            begin = dataclasses.replace(near, effects=judged.effects, values=judged.values, columns=None)
             working, judged = _settled(
                 dataclasses.replace(whole, engine=working.engine, cheap=self.coarse), engine, begin
             )
         if not sets:
             return engine, working, judged, judged
-        return engine, working, working.fit([((), ())], nominal.starts, design=nominal.design)[0], judged
+        return engine, working, working.fit([((), ())], nominal.starts, near=nominal)[0], judged
+
+    def _race(
+        self, competing: Sequence[Engine], first: Shooting, rough: Fit, trials: Sets, dof: int
+    ) -> tuple[Engine, Shooting, Fit]:
+        """The precise form under which a set, or one of some others, fits best; likelihood and fit.
+
+        Args:
+            competing: the forms.
+            first: the likelihood on a part of the segments.
+            rough: a fit of the set there.
+            trials: what may do as well as the set.
+            dof: of all segments.
+        """
+        results, share, least = [], first.dof / dof, np.inf
+        rivals = [_Rival.at(first, form, rough) for form in competing]
+        for rival in sorted(rivals, key=lambda rival: rival.left):
+            lost = _LOST * least if least < _NEAR * first.dof else np.inf
+            working, judged = self._working(rival, first, rough, lost)
+            if judged.chi2 > lost:
+                continue
+            least = min(least, judged.chi2)
+            others = working.fit(trials, judged.starts, near=judged) if trials else []
+            best = min([judged, *others], key=lambda fit: fit.chi2 / share + _PRICE * fit.size)
+            cost = self._cost(rival.engine, best, best.chi2 / share, dof)
+            results.append((cost, rival.engine, working, best))
+        return min(results, key=lambda result: result[0])[1:]
 
     def _cost(self, engine: Engine, fit: Fit, chi2: float, dof: int) -> float:
         """What a fit leaves, with what its parameters and its form must be worth."""
@@ -117,43 +141,104 @@ class Numerics(Forms):
         forms = (self.given, self.fine, self.firm, self.firm_leapt, *(known[:1] if known else ()), *held)
         return [form for form in dict.fromkeys(forms) if form is not None]
 
-    def _working(self, engine: Engine, first: Shooting, rough: Fit) -> tuple[Shooting, Fit]:
+    def _working(self, rival: _Rival, first: Shooting, rough: Fit, lost: float) -> tuple[Shooting, Fit]:
         """The cheapest form that stays close to an engine, corrected by it.
 
         Where something touches, a correction holds for the instants of touching alone that it was made for; there a
         form must reach the fit that the engine itself reaches.
         """
+        engine = rival.engine
         precise = dataclasses.replace(first, engine=engine, cheap=self.coarse)
-        exact = _settled(precise, engine, rough)[1] if self.stiff else None
-        if exact is not None and not np.isfinite(exact.chi2):
+        exact = _settled(precise, engine, rough, rival.exact, lost)[1] if self.stiff else None
+        if exact is not None and (exact.chi2 > lost or not np.isfinite(exact.chi2)):
             return precise, exact
         working, judged = precise, rough
-        forms = (self.coarse, self.late or self.coarse, self.stand_in(engine), engine)
-        for cheap in dict.fromkeys(forms):
-            working, judged = _settled(dataclasses.replace(precise, engine=cheap), engine, judged)
+        for cheap in self._cheap_ones(rival, precise, rough):
+            known = rival.exact if judged is rough else None
+            working, judged = _settled(dataclasses.replace(precise, engine=cheap), engine, judged, known, lost)
             if not np.isfinite(judged.chi2):
-                judged = rough
+                judged = exact or rough
                 continue
-            if working.offset is None:
+            if judged.chi2 > lost or working.offset is None or _is_close(working, judged, exact):
                 break
-            if exact is not None and judged.chi2 < exact.chi2 + _SAME * max(exact.chi2, float(working.dof)):
-                break
-            if exact is not None:
-                judged = exact
-            elif _unabsorbed(working, judged) < _CLOSE * max(1.0, _ROUGHLY * np.sqrt(judged.chi2 / working.dof)):
-                break
+            judged = exact or judged
         return working, judged
 
+    def _cheap_ones(self, rival: _Rival, precise: Shooting, rough: Fit) -> list[Engine]:
+        """What may stand in for an engine, the engine itself last: first the cheapest that is close where they begin.
 
-def _settled(working: Shooting, engine: Engine, judged: Fit) -> tuple[Shooting, Fit]:
-    """A form corrected by an engine where its own fit ends, and that fit."""
+        On a stiff machine, where nothing is close before it is fitted, from the cheapest on.
+        """
+        cheap = list(dict.fromkeys((self.coarse, self.late or self.coarse, self.stand_in(rival.engine), rival.engine)))
+        if self.stiff or len(cheap) < 3:
+            return cheap
+        bar = _bar(precise, rough)
+
+        def far(engine: Engine) -> float:
+            working = dataclasses.replace(precise, engine=engine).corrected(rival.engine, rough, rival.exact)
+            error = _unabsorbed(working, rough) if working.offset is not None else bar
+            return error if error >= bar else 0.0
+
+        return [*sorted(cheap[:-1], key=far), cheap[-1]]
+
+
+@dataclasses.dataclass(frozen=True, eq=False)
+class _Rival:
+    """A precise form where the competition begins.
+
+    Args:
+        engine: the form.
+        exact: what it predicts there, ``(S, K + 1, C)``.
+        left: chi2 that no change of the initial states takes away.
+    """
+
+    engine: Engine
+    exact: Array
+    left: float
+
+    @classmethod
+    def at(cls, shooting: Shooting, engine: Engine, rough: Fit) -> Self:
+        """A form at a fit."""
+        assert rough.design is not None
+        exact = dataclasses.replace(shooting, engine=engine).predicted(rough)
+        white = shooting.residuals(exact)
+        left = float((_beside(rough.design, white) ** 2).sum())
+        return cls(engine, exact, left if np.isfinite(left) else np.inf)
+
+
+def _settled(
+    working: Shooting, engine: Engine, judged: Fit, exact: Array | None = None, lost: float = np.inf
+) -> tuple[Shooting, Fit]:
+    """A form corrected by an engine where its own fit ends, and that fit; only the first one where that is lost.
+
+    Args:
+        working: the likelihood by the form.
+        engine: the precise form.
+        judged: a fit to begin from.
+        exact: what the engine predicts there, where that is known.
+        lost: chi2 from which on nothing more is done.
+    """
     for _ in range(2):
         before = judged.chi2
-        working = working.corrected(engine, judged)
-        judged = working.fit([(judged.effects, judged.values)], judged.starts, design=judged.design)[0]
+        working, exact = working.corrected(engine, judged, exact), None
+        judged = working.fit([(judged.effects, judged.values)], judged.starts, near=judged)[0]
+        if judged.chi2 > lost:
+            return working, judged
         if abs(judged.chi2 - before) < _SETTLED * judged.chi2:
             break
     return working, chained(working, judged) if np.isfinite(judged.chi2) else judged
+
+
+def _is_close(working: Shooting, judged: Fit, exact: Fit | None) -> bool:
+    """Whether a corrected form stays close to the precise one; where that was fitted, whether it fits as well."""
+    if exact is not None:
+        return judged.chi2 < exact.chi2 + _SAME * max(exact.chi2, float(working.dof))
+    return _unabsorbed(working, judged) < _bar(working, judged)
+
+
+def _bar(shooting: Shooting, fit: Fit) -> float:
+    """How far a form may be from another one, in units of the noise."""
+    return _CLOSE * max(1.0, _ROUGHLY * float(np.sqrt(fit.chi2 / shooting.dof)))
 
 
 def _unabsorbed(shooting: Shooting, fit: Fit) -> float:
@@ -161,5 +246,10 @@ def _unabsorbed(shooting: Shooting, fit: Fit) -> float:
     assert shooting.offset is not None
     assert fit.design is not None
     offset = np.nan_to_num(shooting.noise.whiten(shooting.segments, shooting.offset))
-    basis, _ = np.linalg.qr(fit.design)
-    return float(np.abs(offset - np.einsum("smn,sn->sm", basis, np.einsum("smn,sm->sn", basis, offset))).max())
+    return float(np.abs(_beside(fit.design, offset)).max())
+
+
+def _beside(design: Array, white: Array) -> Array:
+    """What some derivatives ``(S, M, n)`` do not make of whitened columns ``(S, M)``."""
+    basis, _ = np.linalg.qr(design)
+    return np.asarray(white - np.einsum("smn,sn->sm", basis, np.einsum("smn,sm->sn", basis, white)))

@@ -91,7 +91,7 @@ def select(
     selection = Selection(nominal, [nominal], Score(shooting.samples, names, 1.0, free=free))
     if sets:
         states = nominal.starts if starts is None else starts
-        selection.add(shooting.fit(sets, states, design=nominal.design))
+        selection.add(shooting.fit(sets, states, near=nominal))
         selection.rescale(shooting.dof)
     expanded: set[frozenset[Effect]] = set()
     _search(selection, shooting, effects, expanded, tell, depth)

@@ -66,8 +66,7 @@ class Shooting:
 
     def residual_of(self, fit: Fit) -> Array:
         """Whitened residuals of a fit ``(S, M)``, zero where its simulation failed."""
-        predicted, _ = self.engine.predict(self.segments, fit.starts[None], [fit.candidate])
-        return np.nan_to_num(self.residuals(predicted)[0])
+        return np.nan_to_num(self.residuals(self.predicted(fit)))
 
     def whiten_columns(self, columns: Array) -> Array:
         """Derivatives of the positions ``(S, K + 1, C, A)`` in units of white noise, ``(S, M, A)``."""
@@ -79,17 +78,24 @@ class Shooting:
         offset = None if self.offset is None else self.offset[which]
         return dataclasses.replace(self, segments=self.segments.pick(which), offset=offset)
 
-    def corrected(self, precise: Engine, fit: Fit) -> Shooting:
+    def predicted(self, fit: Fit) -> Array:
+        """What the sensors would read by a fit, ``(S, K + 1, C)``; NaN in segments whose simulation failed."""
+        return self.engine.predict(self.segments, fit.starts[None], [fit.candidate])[0][0]
+
+    def corrected(self, precise: Engine, fit: Fit, exact: Array | None = None) -> Shooting:
         """The same with the error of a coarse engine taken out, as it is at a fit.
 
         The error hardly depends on the parameters, so one precise simulation serves for many coarse ones.
+
+        Args:
+            precise: the engine without that error.
+            fit: where it is taken.
+            exact: what the precise engine predicts there, where that is known.
         """
         if precise is self.engine:
             return dataclasses.replace(self, offset=None)
-        states, candidates = fit.starts[None], [fit.candidate]
-        exact, _ = precise.predict(self.segments, states, candidates)
-        coarse, _ = self.engine.predict(self.segments, states, candidates)
-        return dataclasses.replace(self, offset=np.nan_to_num(exact[0] - coarse[0]))
+        exact = dataclasses.replace(self, engine=precise).predicted(fit) if exact is None else exact
+        return dataclasses.replace(self, offset=np.nan_to_num(exact - self.predicted(fit)))
 
     def state_columns(self, starts: Array) -> Array:
         """Perturbations of the initial states worth trying: step sizes ``(nq + nv,)``."""
@@ -131,7 +137,7 @@ class Shooting:
         rounds: int = ROUNDS,
         race: bool = False,
         hold: bool = False,
-        design: Array | None = None,
+        near: Fit | None = None,
         below: Fit | None = None,
     ) -> list[Fit]:
         """Fits several sets of effects side by side.
@@ -142,12 +148,12 @@ class Shooting:
             rounds: simulations at most, one after the other.
             hold: keep the parameters as they are and fit the initial states alone.
             race: give up on sets that stay far behind the best after two steps.
-            design: derivatives by the initial states from a fit near by, :attr:`Fit.design`, which saves work.
+            near: a fit near by, whose derivatives save work.
             below: a fit of what the sets have in common: a first guess that is worse than it misleads, and is left.
         """
-        smooth = None if design is None else self.engine.starts(self.segments)
+        smooth = None if near is None or near.design is None else self.engine.starts(self.segments)
         problems = [
-            Problem(self, tuple(e), tuple(v), starts if starts.ndim == 2 else starts[i], hold, design, smooth, below)
+            Problem(self, tuple(e), tuple(v), starts if starts.ndim == 2 else starts[i], hold, near, smooth, below)
             for i, (e, v) in enumerate(sets)
         ]
         for number in range(rounds + 1):

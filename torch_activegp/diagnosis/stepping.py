@@ -20,6 +20,8 @@ _EVEN = 1e-9
 _FEWER = 4
 """One call for several time steps pays where they come in so many times fewer groups of the same length."""
 _BYTES = 16_000_000
+_TOGETHER = 16
+"""Rows for which inputs are made in one go where time steps are made one by one."""
 
 Act = Callable[[Step], None]
 """What is done before a time step."""
@@ -103,10 +105,9 @@ class Stepping:
         position, velocity, control, force = self._views.values()
         at_once = self._inputs.held and not self._acting
         calls, together = (1, self._substeps) if at_once else (self._substeps, 1)
-        for k, (row, after) in enumerate(self._edges):
+        for k, (after, controls, forces) in enumerate(self._each()):
             self._time_step[:] = self._steps[:, k]
             step = Step(position, velocity, control, force, self._field, self._steps[:, k])
-            controls, forces = self._inputs([(row, after)])
             for j in range(calls):
                 control[:], force[:] = controls[:, j], forces[:, min(j, forces.shape[1] - 1)]
                 for act in self._acting:
@@ -116,3 +117,18 @@ class Stepping:
                 except mujoco.batch.SimulationError as error:
                     _logger.debug("%s", error)
             states[:, after, : position.shape[1]], states[:, after, position.shape[1] :] = position, velocity
+
+    def _each(self) -> Iterator[tuple[int, Array, Array]]:
+        """The row at each edge's end, and controls and forces up to there, made for several edges together."""
+        for _, edges in itertools.groupby(self._edges, key=lambda edge: edge[1] - edge[0]):
+            for some in _batched(list(edges), _TOGETHER):
+                controls, forces = self._inputs(some)
+                for i, (_, after) in enumerate(some):
+                    mine = slice(i * self._substeps, (i + 1) * self._substeps)
+                    yield after, controls[:, mine], forces[:, mine] if forces.shape[1] > 1 else forces
+
+
+def _batched(edges: Sequence[tuple[int, int]], count: int) -> Iterator[Sequence[tuple[int, int]]]:
+    """Some edges, no more than a number of them at a time."""
+    for first in range(0, len(edges), count):
+        yield edges[first : first + count]

@@ -67,7 +67,8 @@ class Hysteresis(JointEffect):
         """Moves the slider and adds the spring's force."""
         assert memory is not None
         position = step.qpos[rows, self.qpos]
-        memory[:, 0] = np.clip(memory[:, 0] + position - memory[:, 1], -values[:, 1], values[:, 1])
+        moved = memory[:, 0] + position - memory[:, 1]
+        memory[:, 0] = np.minimum(np.maximum(moved, -values[:, 1]), values[:, 1])
         memory[:, 1] = position
         step.force[rows, self.dof] -= values[:, 0] * memory[:, 0]
 
