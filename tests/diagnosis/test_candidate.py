@@ -20,3 +20,13 @@ def test_grouped_gives_each_effect_once_with_its_candidates_and_values(bench) ->
 def test_grouped_refuses_an_effect_without_values(bench) -> None:
     with pytest.raises(ValueError, match="shorter"):
         list(grouped([Candidate((bench.effect("viscous_friction"),), ())]))
+
+
+def test_a_candidate_on_some_of_the_segments(bench) -> None:
+    force = np.arange(24.0).reshape(4, 6, 1)
+    which = np.array([True, False, False, True])
+    picked = Candidate((bench.effect("viscous_friction"),), (np.array([0.1]),), force=force).pick(which)
+    assert picked.effects and picked.force is not None
+    np.testing.assert_array_equal(picked.force, force[[0, 3]])
+    assert picked.shove is None
+    assert NOMINAL.pick(which) is NOMINAL

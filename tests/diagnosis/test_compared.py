@@ -133,3 +133,25 @@ def test_a_fit_that_leaves_less_than_a_name_costs_is_not_developed(bench, found,
     assert found.may_pay(fit, dof) == pays
     found.score = dataclasses.replace(found.score, free=frozenset({("viscous_friction", "joint:hip")}))
     assert found.may_pay(fit, dof)  # corrections of a tuning cost little
+
+
+def test_derivatives_are_remembered_of_the_best_sets_alone(bench, found) -> None:
+    wet = bench.fit("viscous_friction", 0.05)
+    assert wet.design is not None and wet.columns is not None
+    worse = [dataclasses.replace(wet, chi2=wet.chi2 + 100.0 * k) for k in range(1, 30)]
+    found.add([wet, *worse])
+    found.lighten()
+    heavy = [fit for fit in found.fits if fit.columns is not None]
+    assert found.best is wet and wet in heavy and bench.nominal in heavy
+    assert max(fit.chi2 for fit in heavy if fit.effects) == worse[10].chi2
+    assert len(found.fits) == 31
+    assert [fit.chi2 for fit in found.fits[2:]] == [fit.chi2 for fit in worse]
+    light = found.fits[-1]
+    assert light.design is None and light.without_derivatives is light
+
+
+def test_what_is_compared_is_lightened(bench, found) -> None:
+    wet = bench.effect("viscous_friction")
+    sets = [((wet,), (np.array([value]),)) for value in np.linspace(0.01, 0.1, 16)]
+    compare(bench.shooting, found, sets, bench.nominal)
+    assert sum(fit.columns is not None for fit in found.fits if fit.effects) == 12

@@ -1,8 +1,10 @@
 from __future__ import annotations
 
 import mujoco
+import numpy as np
 import pytest
 
+from torch_activegp.diagnosis.calm import CalmEngine
 from torch_activegp.diagnosis.forms import Forms
 
 RK4, FAST, EULER = (int(getattr(mujoco.mjtIntegrator, f"mjINT_{name}")) for name in ("RK4", "IMPLICITFAST", "EULER"))
@@ -58,3 +60,17 @@ def test_firm_friction_is_as_firm_as_that_of_short_steps(clean) -> None:
     assert firm is not None
     assert firm.model.dof_solref[0, 0] == pytest.approx(0.0005)
     assert (firm.substeps, firm.late) == (40, True)
+
+
+def test_what_strikes_now_and_then_takes_long_steps_where_nothing_touches(clean) -> None:
+    highest = np.rad2deg(np.quantile(np.concatenate([run.smooth for run in clean.machine.fit]), [0.95, 0.5]))
+    seldom, often = (
+        Forms.of(clean.integrated("Euler", 0.001, f'limited="true" range="-900 {angle}"'), 1) for angle in highest
+    )
+    assert seldom.stiff and often.stiff
+    assert [isinstance(form, CalmEngine) for form in (seldom.fine, seldom.middle, seldom.coarse)] == [True] * 3
+    assert not isinstance(seldom.given, CalmEngine)  # the model as it is
+    assert not any(isinstance(form, CalmEngine) for form in vars(often).values())
+    dry = Forms.of(clean.integrated("Euler", 0.001, f'limited="true" range="-900 {highest[0]}" frictionloss="0.1"'), 1)
+    assert isinstance(dry.coarse, CalmEngine)
+    assert not isinstance(dry.fine, CalmEngine)  # where joints stick long steps are not exact

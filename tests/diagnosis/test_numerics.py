@@ -124,3 +124,16 @@ def test_the_cheapest_form_that_is_close_comes_first(clean, monkeypatch) -> None
     stiff = dataclasses.replace(made, stiff=True)
     far[id(made.coarse)] = 50.0
     assert stiff._cheap_ones(rival, precise, fit)[0] is made.coarse
+
+
+@pytest.mark.parametrize("close", [True, False])
+def test_where_something_touches_a_form_must_fit_all_segments_as_the_engine_does(clean, monkeypatch, close) -> None:
+    made = dataclasses.replace(Numerics.of(clean.integrated("Euler", 0.001), 1), stiff=True)
+    shooting = truth_of(clean, made, "fine")
+    begin = shooting.fit([((), ())], clean.nominal.starts)[0]
+    monkeypatch.setattr(numerics, "_is_close", lambda working, judged, exact: close and exact is not None)
+    working, judged = made._on_all(dataclasses.replace(shooting, engine=made.middle), made.fine, begin)
+    assert working.engine is (made.middle if close else made.fine)
+    assert (working.offset is not None) == close
+    assert judged.chi2 / working.dof == pytest.approx(1.0, abs=0.2)
+    assert working.cheap is made.coarse

@@ -28,6 +28,13 @@ class Candidate:
     force: Array | None = None
     shove: Array | None = None
 
+    def pick(self, which: NDArray[np.bool_]) -> Candidate:
+        """The same in some of the segments."""
+        if self.force is None and self.shove is None:
+            return self
+        force, shove = (None if more is None else more[which] for more in (self.force, self.shove))
+        return dataclasses.replace(self, force=force, shove=shove)
+
 
 NOMINAL = Candidate()
 

@@ -17,6 +17,7 @@ _AS_MUCH = 0.01
 """Part of what the best set explains."""
 _AT_LEAST = 0.9
 """Noise per degree of freedom: often no closer is its level known."""
+_REMEMBERED = 12
 _STUCK = 1.0
 """Chi2 by which a fit may end above that of a set that it contains."""
 
@@ -47,6 +48,11 @@ class Selection:
         sound = [fit for fit in fits if np.isfinite(fit.chi2)]
         self.fits += sound
         return sound
+
+    def lighten(self) -> None:
+        """Forgets derivatives of all fits but the best: many large arrays, of use where a set is developed alone."""
+        kept = [self.nominal, self.best, *sorted(self.fits, key=self.score)[:_REMEMBERED]]
+        self.fits = [fit if fit in kept else fit.without_derivatives for fit in self.fits]
 
     def ranked(self) -> list[Fit]:
         """Best first, one fit for each set of names and targets."""
@@ -120,6 +126,7 @@ def compare(
         far = selection.score(selection.best) + selection.score.slack
         selection.add([better for fit in fits if (better := _from_within(shooting, selection, fit, far)) is not None])
     selection.rescale(shooting.dof)
+    selection.lighten()
 
 
 def _from_within(shooting: Shooting, selection: Selection, fit: Fit, far: float = np.inf) -> Fit | None:

@@ -158,9 +158,11 @@ def _start(
             chosen = select(part, effects, here, sets, states, tell, free, Depth(swaps=0))  # swaps come with all data
         sets, free = _leaders(chosen), chosen.score.free
         halved = segments.size > _uncut(machine).size
-        longer = halved and segments.far_off(nominal.per_segment, _FAR / 4).any()
+        longer = halved and bool(segments.far_off(nominal.per_segment, _FAR / 4).any())
+        again = _longest(machine, numerics, noise, _TOO_FAR) if longer else (segments, nominal)
+        longer = again[0].size < segments.size
         if longer:
-            segments, nominal = _longest(machine, numerics, noise, _TOO_FAR)
+            segments, nominal = again
         if longer or frozenset(chosen.best.effects) != frozenset(judged.effects):
             engine, shooting, nominal, judged = numerics.choose(segments, noise, nominal, nominal, sets)
     return _Start(engine, shooting, nominal, sets, judged.starts, free)

@@ -66,6 +66,13 @@ class Fit:
         """Names and targets."""
         return frozenset(effect.key for effect in self.effects)
 
+    @property
+    def without_derivatives(self) -> Fit:
+        """The same, and lighter."""
+        if self.design is None and self.columns is None:
+            return self
+        return dataclasses.replace(self, design=None, columns=None)
+
     def columns_of(self, effects: Sequence[Effect], values: Sequence[Array]) -> dict[int, Array]:
         """Derivatives by those parameters of a set that have about these values here too.
 

@@ -11,6 +11,7 @@ from typing import Self
 import mujoco
 import numpy as np
 
+from torch_activegp.diagnosis.calm import CalmEngine
 from torch_activegp.diagnosis.candidate import NOMINAL
 from torch_activegp.diagnosis.engine import IMPLICIT_FAST, Engine, substeps_for
 from torch_activegp.diagnosis.leapfrog import is_of_second_order
@@ -18,6 +19,7 @@ from torch_activegp.diagnosis.machine import Machine
 from torch_activegp.diagnosis.prescribed_motion import RUNGE_KUTTA
 from torch_activegp.diagnosis.runs import Run, median_step
 from torch_activegp.diagnosis.segments import cut
+from torch_activegp.diagnosis.touching import touching
 from torch_activegp.physics.friction import sticking
 
 _STEP = 0.005
@@ -35,6 +37,9 @@ _HEAD = 0.5
 _POSES = 300
 _TOUCHING = 0.01
 """Contact in fewer poses is an accident of noise or of shapes drawn too large."""
+
+_SELDOM = 0.3
+"""What touches in fewer poses strikes now and then: more time steps are wanted there alone."""
 
 Make = Callable[..., Engine]
 
@@ -78,20 +83,25 @@ class Forms:
         """Makes them for a machine."""
         model, step = machine.model, median_step(machine.fit)
         make: Make = functools.partial(Engine, channels=machine.channels, nthread=nthread)
-        few, plain, touching = _steps(step, _STEP), substeps_for(model, machine.fit), _touching(machine)
-        stiff, free = bool(model.neq or model.ntendon) or touching > _TOUCHING, touching == 0.0
+        few, plain, part = _steps(step, _STEP), substeps_for(model, machine.fit), _touching(machine)
+        tied = bool(model.neq or model.ntendon)
+        stiff, free = tied or part > _TOUCHING, part == 0.0
         stride = 1 if stiff else max(int(_STEP / step + 1e-6), 1)
         given = make(model, substeps=plain)
         often = max(few, plain)
         seldom = _steps(step, _STIFF_STEP) if stiff else few
+        striking: Make = make  # what strikes something now and then takes long steps where nothing touches
+        if stiff and not tied and part < _SELDOM:
+            striking = functools.partial(CalmEngine, channels=machine.channels, calm=few, nthread=nthread)
         same = model.opt.integrator == RUNGE_KUTTA and often == plain and not given.filters
-        fine = given if same else make(model, substeps=often, integrator=RUNGE_KUTTA)
+        smooth = striking if not model.dof_frictionloss.any() else make
+        fine = given if same else smooth(model, substeps=often, integrator=RUNGE_KUTTA)
         halfway = max(math.ceil(often / 2), few) if stiff else few
-        middle = fine
+        middle, cheap = fine, {} if stiff else {"stride": stride, "contacts": not free}
         if halfway < often:
-            middle = make(model, substeps=halfway, integrator=RUNGE_KUTTA, contacts=not free)
-        cheap = {"stride": stride, "contacts": not free}
-        coarse = make(model, substeps=min(seldom, plain), integrator=_cheap(model), **cheap)
+            contacts = {} if stiff else {"contacts": not free}
+            middle = striking(model, substeps=halfway, integrator=RUNGE_KUTTA, **contacts)
+        coarse = striking(model, substeps=min(seldom, plain), integrator=_cheap(model), **cheap)
         late, second = None, not stiff and is_of_second_order(model)
         where = make, model, step, often
         short = _held(*where, leaps=not stiff, second=second, free=free)
@@ -151,18 +161,11 @@ def _firm(
 def _touching(machine: Machine) -> float:
     """The part of the recorded poses in which something touches, or a joint is at its limit."""
     model, channels = machine.model, machine.channels
-    data = mujoco.MjData(model)
-    seen = touching = 0
+    seen = []
     for run in (*machine.fit, *machine.holdout):
-        for row in range(0, len(run), max(len(run) // _POSES, 1)):
-            data.qpos[:] = model.qpos0
-            data.qpos[channels.qpos] = run.smooth[row]
-            if channels.prescribed is not None and run.prescribed is not None:
-                data.qpos[channels.prescribed.qpos] = run.prescribed.smooth[row]
-            mujoco.mj_fwdPosition(model, data)
-            seen += 1
-            touching += bool(data.ncon or data.nl)
-    return touching / max(seen, 1)
+        rows = np.arange(0, len(run), max(len(run) // _POSES, 1))
+        seen.append(touching(model, channels, run, rows))
+    return float(np.concatenate(seen).mean())
 
 
 def _steps(interval: float, longest: float) -> int:

@@ -96,9 +96,7 @@ class Numerics(Forms):
             return *known, nominal, near
         if first.segments.size < segments.size:
             begin = dataclasses.replace(near, effects=judged.effects, values=judged.values, columns=None)
-            working, judged = _settled(
-                dataclasses.replace(whole, engine=working.engine, cheap=self.coarse), engine, begin
-            )
+            working, judged = self._on_all(dataclasses.replace(whole, engine=working.engine), engine, begin)
         if not sets:
             return engine, working, judged, judged
         return engine, working, working.fit([((), ())], nominal.starts, near=nominal)[0], judged
@@ -163,6 +161,17 @@ class Numerics(Forms):
                 break
             judged = exact or judged
         return working, judged
+
+    def _on_all(self, working: Shooting, engine: Engine, begin: Fit) -> tuple[Shooting, Fit]:
+        """The form that was found on a part of the segments, and the fit to all of them; see :meth:`_working`."""
+        working = dataclasses.replace(working, cheap=self.coarse)
+        if not self.stiff:
+            return _settled(working, engine, begin)
+        precise, exact = _settled(dataclasses.replace(working, engine=engine), engine, begin)
+        if working.engine is engine or not np.isfinite(exact.chi2):
+            return precise, exact
+        working, judged = _settled(working, engine, exact)
+        return (working, judged) if _is_close(working, judged, exact) else (precise, exact)
 
     def _cheap_ones(self, rival: _Rival, precise: Shooting, rough: Fit) -> list[Engine]:
         """What may stand in for an engine, the engine itself last: first the cheapest that is close where they begin.
