@@ -9,7 +9,7 @@ import pandas as pd
 import pytest
 
 from torch_activegp.diagnosis.engine import Engine
-from torch_activegp.diagnosis.experiment import SECONDS, _beyond, next_experiment
+from torch_activegp.diagnosis.experiment import SECONDS, _beyond, _limits, _multisine, _reach, next_experiment
 
 
 @pytest.fixture(scope="module")
@@ -101,3 +101,37 @@ def test_nothing_is_proposed_without_two_rivals_or_without_controls(bench, rival
 def test_rivals_that_no_control_tells_apart_ask_for_no_experiment(bench, rivals) -> None:
     arguments = (bench.engine, [rivals[0], rivals[0]], bench.machine.fit, bench.shooting.noise, 0)
     assert next_experiment(*arguments) is None
+
+
+def test_controls_stay_around_their_mean_and_between_the_ends_seen(bench) -> None:
+    """A hoist that carries a load is never let go."""
+    loaded = tuple(dataclasses.replace(run, control=3.0 + 0.2 * run.control) for run in bench.machine.fit)
+    low, middle, high = _limits(bench.engine, loaded)
+    assert 2.0 < low[0] < middle[0] < high[0] < 4.0
+    rng = np.random.default_rng(0)
+    for _ in range(20):
+        control = _multisine(rng, np.arange(500) / 100, low, middle, high)
+        assert low[0] <= control.min() < middle[0] < control.max() <= high[0]
+
+
+def test_trials_that_stay_near_go_before_those_that_tell_more(bench, rivals, monkeypatch) -> None:
+    arguments = (bench.engine, rivals, bench.machine.fit, bench.shooting.noise, 0)
+    entry, _ = next_experiment(*arguments)
+    assert "near the positions seen" in entry["why"]
+    monkeypatch.setattr("torch_activegp.diagnosis.experiment._NEAR", 100.0)
+    most = next_experiment(*arguments)[0]["predicted_gain"]
+    assert entry["predicted_gain"] <= most
+    monkeypatch.setattr("torch_activegp.diagnosis.experiment._NEAR", -0.5)
+    away = next_experiment(*arguments)[0]
+    assert away["predicted_gain"] == pytest.approx(most)
+    assert "simulate them first" in away["why"]
+
+
+def test_near_is_half_the_range_seen_beyond_its_ends_and_within_the_limits(bench) -> None:
+    seen = np.concatenate([run.smooth for run in bench.machine.fit])
+    reach = _reach(bench.engine, bench.machine.fit)
+    np.testing.assert_allclose(np.diff(reach, axis=0), 2.0 * np.ptp(seen))
+    limited = bench.integrated("RK4", 0.005, f'limited="true" range="{np.rad2deg(seen.min()) - 1} 900"').model
+    held = _reach(Engine(limited, bench.engine.channels, 2, 1), bench.machine.fit)
+    np.testing.assert_allclose(held[0], seen.min() - np.deg2rad(1.0))
+    np.testing.assert_array_equal(held[1], reach[1])

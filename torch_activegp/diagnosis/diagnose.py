@@ -15,7 +15,6 @@ from torch_activegp.diagnosis.checkpoint import Checkpoint
 from torch_activegp.diagnosis.correction import Form, corrected_xml
 from torch_activegp.diagnosis.engine import NOMINAL
 from torch_activegp.diagnosis.evidence import laws, map_region, map_time
-from torch_activegp.diagnosis.experiment import next_experiment
 from torch_activegp.diagnosis.explain import Explanation, explain
 from torch_activegp.diagnosis.fingerprint import fingerprint
 from torch_activegp.diagnosis.fit import Fit
@@ -26,6 +25,7 @@ from torch_activegp.diagnosis.linearize import linearize
 from torch_activegp.diagnosis.locate import entries, locate, somewhere
 from torch_activegp.diagnosis.machine import Machine, make_machine
 from torch_activegp.diagnosis.places import effects_for
+from torch_activegp.diagnosis.proposal import propose
 from torch_activegp.diagnosis.remainder import Outcome, model_remainder
 from torch_activegp.diagnosis.result import Diagnosis, NamedEffect
 from torch_activegp.diagnosis.runs import Array, input_addresses, median_step
@@ -126,7 +126,7 @@ def _report(
     files: dict[str, str] = {}
     if xml is not None:
         files["corrected.xml"] = xml
-    proposal = _proposal(explanation, judgement, machine, seed)
+    proposal = propose(explanation, judgement, machine.fit, seed)
     if proposal is not None:
         files["next.csv"] = proposal[1]
     details: dict[str, Any] = {
@@ -242,22 +242,6 @@ def _rivals(explanation: Explanation, judgement: Judgement) -> list[dict[str, An
         }
         for fit, distance, weight in shown
     ]
-
-
-def _proposal(
-    explanation: Explanation, judgement: Judgement, machine: Machine, seed: int
-) -> tuple[dict[str, Any], str] | None:
-    if judgement.verdict == "none":
-        return None
-    best, *others = [fit for fit, _, _ in judgement.rivals[:4]]
-    shooting = explanation.shooting
-    for rival in others:
-        found = next_experiment(
-            explanation.engine, [best, rival], machine.fit, shooting.noise, seed, shooting.differences
-        )
-        if found is not None:
-            return found
-    return None
 
 
 def _recordings(machine: Machine) -> list[dict[str, Any]]:

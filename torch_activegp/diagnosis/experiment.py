@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 import io
-from typing import Any
+from collections.abc import Callable
+from typing import Any, NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from torch_activegp.diagnosis.engine import Candidate, Engine
 from torch_activegp.diagnosis.fit import Fit
@@ -15,14 +17,36 @@ from torch_activegp.diagnosis.segments import Segments, cut
 
 SECONDS = 5.0
 _TRIALS = 24
+_NEAR = 0.5
 _LEAST = 4.0
 """Models that differ by less chi2 than this are not told apart by one more recording."""
 
 
+class Telling(NamedTuple):
+    """What is learned where two models are told apart.
+
+    Args:
+        separates: the two in words.
+        sentence: says it, from the chi2 by which they differ.
+    """
+
+    separates: list[str]
+    sentence: Callable[[float], str]
+
+
 def next_experiment(
-    engine: Engine, rivals: list[Fit], runs: tuple[Run, ...], noise: NoiseModel, seed: int, cheap: Engine | None = None
+    engine: Engine,
+    rivals: list[Fit],
+    runs: tuple[Run, ...],
+    noise: NoiseModel,
+    seed: int,
+    cheap: Engine | None = None,
+    telling: Telling | None = None,
 ) -> tuple[dict[str, Any], str] | None:
     """Chooses, among random multisines within the actuators' limits, the control under which two models differ most.
+
+    Controls stay within those seen and within the actuators' limits, around their mean. Those under which both models
+    stay near the positions seen go before all others.
 
     This is the acquisition of the exploring loop with the rivals' predicted difference in place of the discrepancy.
 
@@ -33,6 +57,7 @@ def next_experiment(
         noise: of the recordings.
         seed: of the random controls.
         cheap: simulates all trials, to choose one.
+        telling: what is told, in place of the names that one model has beyond the other.
 
     Returns:
         The entry of ``diagnosis.json`` and the CSV text; None for a machine without controls, without two
@@ -43,10 +68,10 @@ def next_experiment(
         return None
     step = float(np.median(runs[0].dt))
     rows = round(SECONDS / step) + 1
-    low, high = _limits(engine, runs)
+    low, middle, high = _limits(engine, runs)
     rng = np.random.default_rng(seed)
     time: Array = step * np.arange(rows, dtype=float)
-    trials = [_multisine(rng, time, low, high) for _ in range(_TRIALS)]
+    trials = [_multisine(rng, time, low, middle, high) for _ in range(_TRIALS)]
     start = engine.starts(cut([runs[0]], 1e9, 0.0))[0]
     joints = len(engine.channels.joints)
     made = [
@@ -67,22 +92,38 @@ def next_experiment(
     states = np.repeat(start[None, None], segments.size, axis=1)
     both = [Candidate(fit.effects, fit.values) for fit in rivals[:2]]
     states = np.repeat(states, 2, axis=0)
-    best = int(np.argmax(_apart(cheap or engine, segments, states, both, noise)))
-    gain = float(_apart(engine, segments.pick(np.array([best])), states[:, [best]], both, noise)[0])
-    if gain < _LEAST:
+    reach = _reach(engine, runs)
+    apart, near = _apart(cheap or engine, segments, states, both, noise, reach)
+    tells = near & (apart >= _LEAST)
+    best = int(np.argmax(apart * tells if tells.any() else apart))
+    gains, stays = _apart(engine, segments.pick(np.array([best])), states[:, [best]], both, noise, reach)
+    if gains[0] < _LEAST:
         return None
-    words = [_beyond(rivals[0], rivals[1]), _beyond(rivals[1], rivals[0])]
+    told = telling or _names(rivals[0], rivals[1])
+    seen = "of controls and near the positions seen"
+    if not stays[0]:
+        seen = "of controls, not of positions: simulate them first"
     entry = {
-        "separates": words,
+        "separates": told.separates,
         "why": (
-            f"{words[0]} and {words[1]} predict positions that differ by chi2 = {gain:.3g} under these controls "
-            f"({SECONDS:g} s, within the limits seen of controls, not of positions: simulate them first); "
+            f"{told.sentence(float(gains[0]))} ({SECONDS:g} s, within the limits seen {seen}); "
             f"start where {runs[0].label} started."
         ),
         "controls": "next.csv",
-        "predicted_gain": gain,
+        "predicted_gain": float(gains[0]),
     }
     return entry, _csv(engine, time, trials[best])
+
+
+def _names(one: Fit, other: Fit) -> Telling:
+    """Two sets by what each has beyond the other."""
+    words = [_beyond(one, other), _beyond(other, one)]
+    return Telling(
+        words,
+        lambda gain: (
+            f"{words[0]} and {words[1]} predict positions that differ by chi2 = {gain:.3g} under these controls"
+        ),
+    )
 
 
 def _beyond(fit: Fit, other: Fit) -> str:
@@ -92,28 +133,58 @@ def _beyond(fit: Fit, other: Fit) -> str:
     return " + ".join(words) or ("the rest alone" if fit.effects else "no effect")
 
 
-def _apart(engine: Engine, segments: Segments, starts: Array, both: list[Candidate], noise: NoiseModel) -> Array:
-    """By how much chi2 two models differ in each trial, ``(S,)``; 0 where a simulation fails."""
-    one, other = engine.predict(segments, starts, both)[0]
-    return np.asarray(np.nan_to_num((((one - other) / noise.scale) ** 2).sum(axis=(1, 2)), posinf=0.0))
+def _apart(
+    engine: Engine, segments: Segments, starts: Array, both: list[Candidate], noise: NoiseModel, reach: Array
+) -> tuple[Array, NDArray[np.bool_]]:
+    """By how much chi2 two models differ in each trial, 0 where a simulation fails; and whether both stay near.
+
+    Args:
+        engine: simulates.
+        segments: S trials.
+        starts: initial states of both, ``(2, S, n)``.
+        both: the models.
+        noise: of the recordings.
+        reach: least and largest positions that are near, ``(2, C)``.
+
+    Returns:
+        Both ``(S,)``.
+    """
+    predicted = engine.predict(segments, starts, both)[0]
+    one, other = predicted
+    near = ((predicted >= reach[0]) & (predicted <= reach[1])).all(axis=(0, 2, 3))
+    return np.nan_to_num((((one - other) / noise.scale) ** 2).sum(axis=(1, 2)), posinf=0.0), near
 
 
-def _limits(engine: Engine, runs: tuple[Run, ...]) -> tuple[Array, Array]:
-    """Least and largest control, ``(nu,)`` each: as large as was seen, and within the actuators' limits."""
+def _reach(engine: Engine, runs: tuple[Run, ...]) -> Array:
+    """Least and largest positions near those seen, by half their range, and within the joints' limits, ``(2, C)``."""
+    model, joints = engine.model, [engine.model.dof_jntid[dof] for dof in engine.channels.dof]
+    seen = np.concatenate([run.smooth for run in runs])
+    ends = np.stack([seen.min(axis=0), seen.max(axis=0)])
+    near = ends + _NEAR * np.ptp(ends, axis=0) * np.array([[-1.0], [1.0]])
+    limits = np.where(model.jnt_limited[joints], model.jnt_range[joints].T, [[-np.inf], [np.inf]])
+    return np.stack([np.maximum(near[0], limits[0]), np.minimum(near[1], limits[1])])
+
+
+def _limits(engine: Engine, runs: tuple[Run, ...]) -> tuple[Array, Array, Array]:
+    """Least, mean and largest control, ``(nu,)`` each: as seen, and within the limits; these where none was seen."""
     model = engine.model
-    seen = np.max([np.abs(run.control).max(axis=0) for run in runs], axis=0)
-    limited = model.actuator_ctrllimited.astype(bool)
-    reach = np.where(limited & (seen == 0), np.inf, seen)
-    low, high = model.actuator_ctrlrange.T
-    return np.where(limited, np.maximum(low, -reach), -reach), np.where(limited, np.minimum(high, reach), reach)
+    seen = np.concatenate([run.control for run in runs])
+    ends = np.where(model.actuator_ctrllimited.astype(bool), model.actuator_ctrlrange.T, [[-np.inf], [np.inf]])
+    low, high = seen.min(axis=0), seen.max(axis=0)
+    unused = (low == high) & np.isfinite(ends).all(axis=0)
+    low, high = (
+        np.where(unused, ends[0], np.maximum(low, ends[0])),
+        np.where(unused, ends[1], np.minimum(high, ends[1])),
+    )
+    return low, np.clip(seen.mean(axis=0), low, high), high
 
 
-def _multisine(rng: np.random.Generator, time: Array, low: Array, high: Array) -> Array:
+def _multisine(rng: np.random.Generator, time: Array, low: Array, middle: Array, high: Array) -> Array:
     frequency = rng.uniform(0.1, 3.0, (4, len(low)))
     phase = rng.uniform(0, 2 * np.pi, (4, len(low)))
     weight = rng.dirichlet(np.ones(4), len(low)).T
     waves = (weight * np.sin(2 * np.pi * frequency * time[:-1, None, None] + phase)).sum(axis=1)
-    return np.asarray(0.5 * (low + high) + 0.5 * (high - low) * waves * rng.uniform(0.3, 1.0))
+    return np.asarray(middle + np.where(waves > 0.0, high - middle, middle - low) * waves * rng.uniform(0.1, 1.0))
 
 
 def _csv(engine: Engine, time: Array, control: Array) -> str:

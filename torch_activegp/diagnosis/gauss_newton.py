@@ -105,7 +105,7 @@ class Problem:
         """Takes the whitened residuals of what was asked for and makes the next trial."""
         if self._known:
             white = np.concatenate([self._raw[None], white])
-        residual = white[0]
+        residual = white[0].copy()  # a view would keep all of what was asked for
         per_segment = np.nan_to_num((residual**2).sum(-1), nan=FAILED, posinf=FAILED)
         chi2 = total(per_segment)
         if self._best is not None and len(white) == 1 and self._still:

@@ -28,6 +28,9 @@ SEEN = 0.06
 stands for what is not on the list 0.065."""
 MANY, SEEN_BEHIND_MANY = 3, 0.03
 """The same behind so many names: together they imitate much that is not on the list. Right ones left up to 0.01."""
+LOUD, SEEN_LOUD = 5.0, 0.01
+"""The same where it is so many times the noise. A real drive's right names left 0.001; what left more were a stop where
+nothing was missing, and a load of 40 times the machine for a motor that was wired the other way round."""
 CROWDED = 0.04
 """The same where as many names as are tried leave it."""
 OVERCROWDED = 0.001
@@ -147,6 +150,8 @@ def judge(shooting: Shooting, selection: Selection) -> Judgement:
     crowded = len(order) >= MAX_EFFECTS and unexplained > (CROWDED if len(order) == MAX_EFFECTS else OVERCROWDED)
     seen = SEEN if len(order) < MANY else SEEN_BEHIND_MANY
     most = seen if _visible(shooting, after) else INADEQUATE
+    if best.chi2 > LOUD * shooting.dof:
+        most = min(most, SEEN_LOUD)
     if after.p_value < DOUBT and (unexplained > most or crowded):
         sure = (crowded and unexplained <= INADEQUATE) or _visible(shooting, before)
         verdict = "unknown" if sure else "none"

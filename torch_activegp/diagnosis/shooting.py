@@ -152,23 +152,27 @@ class Shooting:
             below: a fit of what the sets have in common: a first guess that is worse than it misleads, and is left.
         """
         smooth = None if near is None or near.design is None else self.engine.starts(self.segments)
-        problems = [
-            Problem(self, tuple(e), tuple(v), starts if starts.ndim == 2 else starts[i], hold, near, smooth, below)
+        running = {
+            i: Problem(self, tuple(e), tuple(v), starts if starts.ndim == 2 else starts[i], hold, near, smooth, below)
             for i, (e, v) in enumerate(sets)
-        ]
+        }
+        ended: dict[int, Fit] = {}
         for number in range(rounds + 1):
-            live = [p for p in problems if not p.finished]
-            if not live:
+            if not running:
                 break
-            asked = [p.ask() for p in live]
-            candidates = [c for cs, _ in asked for c in cs]
-            states = np.concatenate([s for _, s in asked])
-            predicted, _ = self.engine.predict(self.segments, states, candidates)
+            asked = {i: problem.ask() for i, problem in running.items()}
+            candidates = [c for cs, _ in asked.values() for c in cs]
+            predicted, _ = self.engine.predict(
+                self.segments, np.concatenate([s for _, s in asked.values()]), candidates
+            )
             white = self.residuals(predicted)
             at = 0
-            for problem, (cs, _) in zip(live, asked, strict=True):
-                problem.tell(white[at : at + len(cs)], last=number == rounds)
+            for i, (cs, _) in asked.items():
+                running[i].tell(white[at : at + len(cs)], last=number == rounds)
                 at += len(cs)
             if race and number >= SETTLE + 2:
-                give_up(problems)
-        return [p.result() for p in problems]
+                give_up(list(running.values()), [fit.chi2 for fit in ended.values()])
+            for i in [i for i, problem in running.items() if problem.finished]:
+                ended[i] = running.pop(i).result()  # and lets go of what the fit needed
+        ended |= {i: problem.result() for i, problem in running.items()}
+        return [ended[i] for i in range(len(sets))]

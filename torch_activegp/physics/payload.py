@@ -15,6 +15,8 @@ from torch_activegp.physics.effect import Array, Effect, Index, Parameter, Place
 
 _HEAVIEST = 4.0
 """A body's own mass may be wrong by so much of it; more is a load."""
+_LOADED = 4.0
+"""A load weighs no more than so many times the whole machine."""
 _BEYOND = 1.2
 """A load may stick out of the body that carries it, by a fifth of the way to its end, or to its farthest part."""
 
@@ -38,7 +40,8 @@ class PayloadMass(BodyEffect):
         ratio = float(np.min(np.where(arms > 1e-12, 0.9 * inertia / (mass * np.maximum(arms, 1e-12)), 1.0)))
         share = min(0.5, ratio / (1.0 + ratio))
         x, y, z = map(float, offset)
-        parameter = Parameter("mass", "kg", 0.05 * mass, low=-share * mass)
+        heaviest = _LOADED * max(float(model.body_mass.sum()), mass)
+        parameter = Parameter("mass", "kg", 0.05 * mass, low=-share * mass, high=heaviest)
         seeds = np.array([[0.05 * mass]])
         return cls(place.target, (parameter,), seeds, variant=variant, body=place.index, offset=(x, y, z))
 
