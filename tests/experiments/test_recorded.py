@@ -13,6 +13,7 @@ from torch_activegp.experiments.nominal import nominal_simulator
 from torch_activegp.experiments.recorded import (
     check_apart,
     check_columns_known,
+    fitted_by_mistake,
     from_row,
     load_apart,
     load_named,
@@ -180,3 +181,18 @@ def test_angles_come_back_wrapped(rod: str, rod_run) -> None:
 def test_a_part_keeps_name_and_notes() -> None:
     part = from_row(ramp(), 10, 20)
     assert (part.name, len(part), part["ctrl.push"][0].item()) == ("ramp", 10, 10.0)
+
+
+@pytest.mark.parametrize(
+    ("words", "holdout", "said"),
+    [
+        (["run1.csv", "data/test_2.csv"], ["data/test_1.csv"], "data/test_2.csv: fitted, not held out."),
+        (["run1.csv", "Holdout2.csv", "holdout3.csv"], ["holdout1.csv"], "Holdout2.csv, holdout3.csv: fitted"),
+        (["run1.csv"], ["test1.csv"], None),
+        (["test1.csv", "test2.csv"], ["run3.csv"], None),
+        (["test1.csv"], [], None),
+    ],
+)
+def test_what_a_shell_takes_from_the_option_is_noticed(words, holdout, said) -> None:
+    found = fitted_by_mistake(words, holdout)
+    assert (found is None) if said is None else found.startswith(said)

@@ -17,7 +17,7 @@ from torch_activegp.cli.models import find_model
 from torch_activegp.cli.options import RECORDINGS, Columns, Holdout, Model, Seed, Threads, output_folder, place
 from torch_activegp.cli.progress import StageProgress, show_time
 from torch_activegp.experiments.output import write_json
-from torch_activegp.experiments.recorded import load_apart
+from torch_activegp.experiments.recorded import fitted_by_mistake, load_apart
 from torch_activegp.experiments.workers import one_thread
 from torch_activegp.report import write_report
 from torch_activegp.report.numbers import MISSING, estimate, is_number, number, percent
@@ -83,6 +83,8 @@ def diagnose(
     check_free(folder, [_LAST] if _is_unfinished(folder) else _RESULTS)
     simulator = find_model(model)
     fit, test = load_apart(recordings, holdout or [], columns)
+    if mistake := fitted_by_mistake(recordings, holdout or []):
+        _say(mistake, to=console)
     from torch_activegp.diagnosis import Checkpoint
     from torch_activegp.diagnosis import diagnose as diagnose_from
     from torch_activegp.diagnosis.checkpoint import kept

@@ -19,7 +19,7 @@ from torch_activegp.experiments.learn import WINDOW, Learned
 from torch_activegp.experiments.learn import learn as learn_from
 from torch_activegp.experiments.learned_model import save_learned
 from torch_activegp.experiments.output import check_output, open_output, write_json, write_table
-from torch_activegp.experiments.recorded import load_apart
+from torch_activegp.experiments.recorded import fitted_by_mistake, load_apart
 from torch_activegp.experiments.workers import one_thread
 
 _TITLES = {"one_step": "one step of {dt:.4g} s", "window": "windows of {window:g} s", "free_run": "free run"}
@@ -70,6 +70,8 @@ def learn(
     folder = output_folder(out, "learn", Path(model).stem if Path(model).is_file() else model)
     _check_new(folder, settings)
     train, test = load_apart(recordings, holdout or [], columns)
+    if mistake := fitted_by_mistake(recordings, holdout or []):
+        console.print(mistake, highlight=False, markup=False, soft_wrap=True)
     with one_thread(), console.status("learning ..."):
         outcome = learn_from(model, train, test, dt=dt, max_points=max_points, seed=seed)
     open_output(folder, settings, resume=False)

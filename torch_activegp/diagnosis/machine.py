@@ -11,6 +11,7 @@ import numpy as np
 from torch_activegp.data import Recording
 from torch_activegp.diagnosis.blackbox import BlackBox, check_clock, check_rates, check_recordings
 from torch_activegp.diagnosis.runs import MIN_ROWS, Channels, Run, input_addresses, make_run
+from torch_activegp.diagnosis.wrong_signs import check_signs
 from torch_activegp.diagnosis.wrong_units import check_units
 from torch_activegp.errors import DataError
 
@@ -70,6 +71,7 @@ def make_machine(
     if box is None:
         check_units(model, channels, fit)
         check_units(model, channels, kept)
+        check_signs(model, channels, fit)
     else:
         check_recordings(box, [*recordings, *holdout])
         check_clock(box, [*fit, *kept])

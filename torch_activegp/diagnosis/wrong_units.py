@@ -29,7 +29,7 @@ _SLIPS = {True: {"deg": 180 / np.pi}, False: {"mm": 1e3, "cm": 1e2}}
 
 
 @dataclasses.dataclass(frozen=True)
-class _Motion:
+class Motion:
     """Rows of all runs: positions, velocities, accelerations ``(T, C)``, controls ``(T, nu)``, forces ``(T, nv)``."""
 
     position: Array
@@ -54,17 +54,17 @@ def check_units(model: mujoco.MjModel, channels: Channels, runs: Sequence[Run]) 
     Raises:
         DataError: some joints seem to be recorded in another unit.
     """
-    motion = None if channels.prescribed is not None else _motion(runs)
+    motion = None if channels.prescribed is not None else motion_of(runs)
     if motion is None:
         return
-    missing, there = _forces(model, channels, motion, np.ones(len(channels.joints)))
+    missing, there = forces_of(model, channels, motion, np.ones(len(channels.joints)))
     if (there <= 0.0).any():
         return
     for unit, slip, which in _guesses(channels):
         before = float((missing / there)[which].max())
         if before <= _BAD:
             continue
-        others, base = _forces(model, channels, motion, np.where(which, 1.0 / slip, 1.0))
+        others, base = forces_of(model, channels, motion, np.where(which, 1.0 / slip, 1.0))
         after = float((others / base)[which].max()) if (base > 0.0).all() else np.inf
         if after < _GOOD and before > _BETTER * after:
             joint = channels.joints[int(np.flatnonzero(which)[0])]
@@ -80,9 +80,9 @@ def _worst(model: mujoco.MjModel, channels: Channels, runs: Sequence[Run], which
     """The run whose motion of some joints takes most beyond the forces that the model has."""
     beyond = np.zeros(len(runs))
     for number, run in enumerate(runs):
-        motion = _motion([run])
+        motion = motion_of([run])
         if motion is not None:
-            missing, there = _forces(model, channels, motion, np.ones(len(channels.joints)))
+            missing, there = forces_of(model, channels, motion, np.ones(len(channels.joints)))
             beyond[number] = (missing / np.maximum(there, 1e-300))[which].max()
     return runs[int(np.argmax(beyond))].label
 
@@ -96,7 +96,7 @@ def _guesses(channels: Channels) -> Iterator[tuple[str, float, NDArray[np.bool_]
             yield from ((unit, slip, which) for which in sets if which.any())
 
 
-def _motion(runs: Sequence[Run]) -> _Motion | None:
+def motion_of(runs: Sequence[Run]) -> Motion | None:
     """Rows of all runs; None where noise hides the accelerations."""
     parts: list[list[Array]] = []
     seen, noise = [], []
@@ -114,10 +114,10 @@ def _motion(runs: Sequence[Run]) -> _Motion | None:
         noise.append(720.0 * run.noise**2 / (window**5 * dt**4))  # of a parabola fitted to the window
     if not parts or (np.mean(seen, axis=0) < _LOUD**2 * np.mean(noise, axis=0)).any():
         return None
-    return _Motion(*(np.concatenate(columns) for columns in zip(*parts, strict=True)))
+    return Motion(*(np.concatenate(columns) for columns in zip(*parts, strict=True)))
 
 
-def _forces(model: mujoco.MjModel, channels: Channels, motion: _Motion, factors: Array) -> tuple[Array, Array]:
+def forces_of(model: mujoco.MjModel, channels: Channels, motion: Motion, factors: Array) -> tuple[Array, Array]:
     """What a motion takes beyond the model's forces, and its motors and weights, root mean squares ``(C,)``, N m or N.
 
     Args:

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 from torch_activegp.data import ColumnMap, Recording
 from torch_activegp.data.tables import SUFFIXES
 from torch_activegp.errors import ActiveGPError, ConfigurationError, DataError
-from torch_activegp.experiments.recorded import load_apart
+from torch_activegp.experiments.recorded import HELD_OUT, load_apart
 from torch_activegp.experiments.spread import Backend, spread
 from torch_activegp.experiments.workers import Tell
 
@@ -21,9 +21,6 @@ if TYPE_CHECKING:
 Runs = Sequence[Recording | str | Path]
 TellStage = Callable[[str, str, float | None], None]
 """Hears the machine, the name of its stage, and the part of its work that is done, 0 to 1 or None."""
-
-HELD_OUT = ("test", "holdout")
-"""How the names of recordings that are held out begin."""
 
 
 @dataclasses.dataclass(frozen=True)

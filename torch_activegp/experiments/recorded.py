@@ -26,6 +26,8 @@ from torch_activegp.keys import ACTION, STATE
 from torch_activegp.simulators import Simulator
 
 _KNOWN = re.compile(r"\w{2,}:\w*")  # one letter is a drive of Windows
+HELD_OUT = ("test", "holdout")
+"""How the names of recordings that are held out begin."""
 _SHARE_HELD_OUT = 5
 
 
@@ -69,6 +71,20 @@ def load_apart(
     recordings, held_out = load_named(words, columns), load_named(holdout, columns)
     check_apart(recordings, held_out)
     return recordings, held_out
+
+
+def fitted_by_mistake(words: Sequence[str], holdout: Sequence[str]) -> str | None:
+    """A sentence where something is fitted whose name says that it is held out, beside what is; else None.
+
+    A shell spreads `--holdout test*.csv` over several words, of which the option takes the first.
+    """
+    names = [word for word in words if Path(word).name.lower().startswith(HELD_OUT)]
+    if not names or not any(Path(word).name.lower().startswith(HELD_OUT) for word in holdout):
+        return None
+    return (
+        f"{', '.join(names)}: fitted, not held out. If that is a mistake, quote the pattern, which a shell "
+        "spreads over several words: --holdout 'test*.csv'."
+    )
 
 
 def set_aside(recordings: Sequence[Recording]) -> tuple[list[Recording], list[Recording], str]:
