@@ -42,6 +42,15 @@ def test_few_steps_are_taken_where_nothing_touches(bench, engines) -> None:
     assert parted.work == pytest.approx(part * often.work + (1.0 - part) * seldom.work)
 
 
+def test_what_wants_short_steps_itself_takes_them_everywhere(bench, engines) -> None:
+    parted, often, _ = engines
+    starts = bench.nominal.starts[None]
+    for name, values in (("coulomb_friction", [0.1]), ("hysteresis", [0.5, 0.2]), ("viscous_friction", [0.1])):
+        candidate = Candidate((bench.effect(name),), (np.array(values),))
+        own, other = (e.predict(bench.segments, starts, [candidate])[0] for e in (parted, often))
+        assert np.array_equal(own, other) == (name != "viscous_friction")
+
+
 def test_all_or_none_of_the_segments_may_touch(bench, engines) -> None:
     parted, often, seldom = engines
     touched = parted.touched(bench.segments)

@@ -1,6 +1,7 @@
 from __future__ import annotations
 
 import numpy as np
+import pytest
 
 from torch_activegp.diagnosis.elimination import bounded_step, eliminate, invert
 
@@ -68,3 +69,20 @@ def test_a_step_stops_at_the_bound_and_the_others_make_up_for_it() -> None:
     np.testing.assert_allclose(free, np.linalg.solve(normal, gradient))
     np.testing.assert_allclose(bounded_step(normal, gradient, 0.0, at, low, high), [0.0, 1.5])
     np.testing.assert_allclose(bounded_step(normal, gradient, 1.0, at, low, high), [0.0, 0.75])
+
+
+def test_a_step_gains_what_it_promises_and_braked_states_less() -> None:
+    rng = np.random.default_rng(3)
+    design, columns, residual = rng.normal(size=(4, 20, 2)), rng.normal(size=(4, 20, 3)), rng.normal(size=(4, 20))
+    linear = eliminate(design, columns, residual)
+    delta, reach = np.array([0.1, -0.2, 0.05]), np.full(2, 1e6)
+
+    def left(delta: np.ndarray, part: float) -> float:
+        """Chi2 after a step of the parameters that the states follow, and a part of the states' own."""
+        own = linear.states(np.zeros(3), reach)
+        shift = linear.states(delta, reach) - own + part * own
+        return float(((residual - columns @ delta - np.einsum("smn,sn->sm", design, shift)) ** 2).sum())
+
+    before = float((residual**2).sum())
+    for part in (1.0, 0.3, 0.0):
+        assert linear.gain(delta, np.full(4, part)) == pytest.approx(before - left(delta, part), rel=1e-6)

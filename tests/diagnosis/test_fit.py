@@ -44,11 +44,19 @@ def test_derivatives_are_lent_to_the_same_parameters_elsewhere(bench) -> None:
     wet, drag = bench.effect("viscous_friction"), bench.effect("quadratic_drag")
     columns = np.arange(8.0 * 59 * 2).reshape(8, 59, 2)
     fit = dataclasses.replace(
-        bench.nominal, effects=(wet, drag), values=(np.array([0.1]), np.array([0.3])), columns=columns
+        bench.nominal,
+        effects=(wet, drag),
+        values=(np.array([0.1]), np.array([5.0])),
+        columns=columns,
+        taken=np.array([0.1, 0.31]),
     )
     lent = fit.columns_of((bench.effect("hysteresis"), drag, wet), (np.ones(2), np.array([0.3]), np.array([0.2])))
     assert list(lent) == [2]
     np.testing.assert_array_equal(lent[2], columns[..., 1])
+    stop = bench.effect("hysteresis")
+    shaped = dataclasses.replace(fit, effects=(stop,), values=(np.ones(2),), taken=np.array([2.0, 0.3]))
+    assert set(shaped.columns_of((wet, stop), (np.ones(1), np.array([2.1, 0.301])))) == {1, 2}
+    assert shaped.columns_of((stop,), (np.array([2.1, 0.31]),)) == {}
     assert bench.nominal.columns_of((drag,), (np.ones(1),)) == {}
     np.testing.assert_array_equal(fit.pick(np.array([1, 4])).columns, columns[[1, 4]])
     assert dataclasses.replace(fit, columns=None).columns_of((wet,), (np.array([0.1]),)) == {}

@@ -77,3 +77,46 @@ def test_no_point_is_simulated_twice(line, monkeypatch) -> None:
     assert len(set(asked)) == len(asked)
     np.testing.assert_allclose(fit.design, 1.0, rtol=1e-6)
     np.testing.assert_allclose(fit.information, np.var(np.linspace(-1.0, 2.0, 12)) * 12, rtol=1e-6)
+
+
+@pytest.mark.parametrize("promise", [0.0, 20.0])
+def test_states_that_begin_anew_are_tried_also_where_little_is_promised(bench, promise) -> None:
+    """A segment that is far off for no reason that its derivatives know of."""
+    nominal, smooth = bench.nominal, bench.nominal.starts + 7.0
+    friction = (bench.effect("viscous_friction"),), (np.array([0.05]),)
+    problem = Problem(bench.shooting, *friction, nominal.starts, near=nominal, smooth=smooth)
+    problem.ask()
+    basis, _ = np.linalg.qr(nominal.design)
+    residual = np.random.default_rng(0).normal(size=nominal.design.shape[:2])
+    residual[1] *= 100.0
+    residual -= np.einsum("smn,sn->sm", basis, np.einsum("smn,sm->sn", basis, residual))
+    residual += np.sqrt(promise / len(basis)) * basis[..., 0]
+    problem.tell(residual[None], last=False)
+    candidates, states = problem.ask()
+    assert len(candidates) == 1
+    np.testing.assert_array_equal(states[0, 1], smooth[1])
+
+
+def test_states_that_promise_little_make_room_for_the_parameters(bench) -> None:
+    nominal = bench.nominal
+    friction = (bench.effect("viscous_friction"),), (np.array([0.05]),)
+    problem = Problem(bench.shooting, *friction, nominal.starts, near=nominal, smooth=nominal.starts)
+    problem.ask()
+    basis, _ = np.linalg.qr(nominal.design)
+    residual = np.random.default_rng(0).normal(size=nominal.design.shape[:2])
+    residual -= np.einsum("smn,sn->sm", basis, np.einsum("smn,sm->sn", basis, residual))
+    problem.tell(residual[None], last=False)
+    candidates, states = problem.ask()
+    assert [candidate.values[0][0] != 0.05 for candidate in candidates] == [True]
+    np.testing.assert_array_equal(states[0], nominal.starts)
+
+
+def test_derivatives_that_were_lent_serve_once(bench) -> None:
+    best = bench.fit("viscous_friction", 0.02)
+    problem = Problem(bench.shooting, best.effects, best.values, best.starts, near=best, smooth=best.starts)
+    assert set(problem._given) == {0}
+    problem.ask()
+    problem.tell(bench.shooting.residual_of(best)[None], last=False)
+    assert problem._given == {}
+    assert problem._age == 1
+    assert problem.finished

@@ -13,13 +13,19 @@ from torch_activegp.diagnosis.engine import Engine
 from torch_activegp.diagnosis.runs import Array, Channels, Run
 from torch_activegp.diagnosis.segments import Segments
 from torch_activegp.diagnosis.touching import touching, widened
+from torch_activegp.physics.effect import Effect
 
 _MOST_ROWS = 4000
+"""Rows of a run that are looked at, evenly spread."""
 _AROUND = 2
+"""Rows before and after one in which something touches that count as touched."""
+_DRY = frozenset({"coulomb_friction", "asymmetric_friction", "stribeck_friction"})
 
 
 class CalmEngine(Engine):
     """An engine that takes fewer time steps in segments in which the recorded machine touches nothing.
+
+    Not with effects that want short steps themselves: dry friction, and forces that are held within a step.
 
     Args:
         model: compiled nominal model.
@@ -46,7 +52,7 @@ class CalmEngine(Engine):
 
     def _simulate(self, segments: Segments, starts: Array, candidates: Sequence[Candidate]) -> Array:
         touched = self.touched(segments)
-        if touched.all():
+        if touched.all() or any(_is_abrupt(effect) for candidate in candidates for effect in candidate.effects):
             return super()._simulate(segments, starts, candidates)
         self._calm.filters, self._calm.work = self.filters, 0.0
         size = len(candidates), segments.size, segments.intervals + 1, self.state_size
@@ -78,3 +84,7 @@ class CalmEngine(Engine):
                 near[max(row - apart - _AROUND, 0) : row + apart + _AROUND + 1] = True
             self._known[id(run)] = run, np.concatenate([[0], np.cumsum(near)])
         return self._known[id(run)][1]
+
+
+def _is_abrupt(effect: Effect) -> bool:
+    return effect.needs_steps or effect.name in _DRY

@@ -17,7 +17,8 @@ _AS_MUCH = 0.01
 """Part of what the best set explains."""
 _AT_LEAST = 0.9
 """Noise per degree of freedom: often no closer is its level known."""
-_REMEMBERED = 12
+_REMEMBERED = 8
+"""Sets whose derivatives are kept, with and without names for what seems tuned: two are developed at a time."""
 _STUCK = 1.0
 """Chi2 by which a fit may end above that of a set that it contains."""
 
@@ -51,7 +52,8 @@ class Selection:
 
     def lighten(self) -> None:
         """Forgets derivatives of all fits but the best: many large arrays, of use where a set is developed alone."""
-        kept = [self.nominal, self.best, *sorted(self.fits, key=self.score)[:_REMEMBERED]]
+        named = dataclasses.replace(self, score=dataclasses.replace(self.score, free=frozenset()))
+        kept = [self.nominal, *self.ranked()[:_REMEMBERED], *named.ranked()[:_REMEMBERED]]
         self.fits = [fit if fit in kept else fit.without_derivatives for fit in self.fits]
 
     def ranked(self) -> list[Fit]:

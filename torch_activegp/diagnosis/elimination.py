@@ -35,6 +35,16 @@ class Eliminated:
         """Chi2 that the initial states alone can take away in each segment, to first order, ``(S,)``."""
         return np.asarray((np.einsum("smn,sm->sn", self.basis, self.residual) ** 2).sum(-1))
 
+    def gain(self, delta: Array, brake: Array) -> float:
+        """Chi2 that a step takes away, to first order.
+
+        Args:
+            delta: change of the parameters, ``(P,)``.
+            brake: part of their own step that the states of each segment take, ``(S,)``.
+        """
+        states = float((self.promise * brake * (2.0 - brake)).sum())
+        return states + float(2.0 * self.gradient.sum(0) @ delta - delta @ self.normal.sum(0) @ delta)
+
     def states(self, delta: Array, reach: Array) -> Array:
         """The change of the initial states that belongs to a change of the parameters, ``(S, n)``.
 

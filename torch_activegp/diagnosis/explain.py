@@ -158,11 +158,11 @@ def _start(
             chosen = select(part, effects, here, sets, states, tell, free, Depth(swaps=0))  # swaps come with all data
         sets, free = _leaders(chosen), chosen.score.free
         halved = segments.size > _uncut(machine).size
-        longer = halved and bool(segments.far_off(nominal.per_segment, _FAR / 4).any())
-        again = _longest(machine, numerics, noise, _TOO_FAR) if longer else (segments, nominal)
-        longer = again[0].size < segments.size
+        near = halved and bool(segments.far_off(nominal.per_segment, _FAR / 4).any())
+        fewer = _longest(machine, numerics, noise, _TOO_FAR) if near else (segments, nominal)
+        longer = fewer[0].size < segments.size
         if longer:
-            segments, nominal = again
+            segments, nominal = fewer
         if longer or frozenset(chosen.best.effects) != frozenset(judged.effects):
             engine, shooting, nominal, judged = numerics.choose(segments, noise, nominal, nominal, sets)
     return _Start(engine, shooting, nominal, sets, judged.starts, free)
@@ -219,7 +219,7 @@ def _polish(shooting: Shooting, selection: Selection, effects: Sequence[Effect])
         best = selection.best
         again = chained(shooting, shooting.fit([(best.effects, best.values)], best.starts)[0])
         gained = best.chi2 - again.chi2 if again.plausible else 0.0
-        if gained > _SETTLED:
+        if again.plausible and gained > -_SETTLED:  # also where it gains nothing: its derivatives say how sure it is
             selection.fits = [again if fit is best else fit for fit in selection.fits]
             best = again
         stuck = min(_SHORT * best.chi2, _OF_THE_GAIN * (selection.nominal.chi2 - best.chi2))

@@ -38,6 +38,9 @@ _POSES = 300
 _TOUCHING = 0.01
 """Contact in fewer poses is an accident of noise or of shapes drawn too large."""
 
+_COMPARED, _AGREES = 12, 0.1
+"""Segments on which a form with long steps is compared with the one without, and by what part of the noise it may
+differ."""
 _SELDOM = 0.3
 """What touches in fewer poses strikes now and then: more time steps are wanted there alone."""
 
@@ -94,12 +97,14 @@ class Forms:
         if stiff and not tied and part < _SELDOM:
             striking = functools.partial(CalmEngine, channels=machine.channels, calm=few, nthread=nthread)
         same = model.opt.integrator == RUNGE_KUTTA and often == plain and not given.filters
-        smooth = striking if not model.dof_frictionloss.any() else make
-        fine = given if same else smooth(model, substeps=often, integrator=RUNGE_KUTTA)
+        fine = given if same else make(model, substeps=often, integrator=RUNGE_KUTTA)
+        if striking is not make and not same:
+            calm = striking(model, substeps=often, integrator=RUNGE_KUTTA)
+            fine = calm if _agrees(calm, fine, machine.fit) else fine
         halfway = max(math.ceil(often / 2), few) if stiff else few
-        middle, cheap = fine, {} if stiff else {"stride": stride, "contacts": not free}
+        middle, cheap = fine, {} if striking is not make else {"stride": stride, "contacts": not free}
         if halfway < often:
-            contacts = {} if stiff else {"contacts": not free}
+            contacts = {} if striking is not make else {"contacts": not free}
             middle = striking(model, substeps=halfway, integrator=RUNGE_KUTTA, **contacts)
         coarse = striking(model, substeps=min(seldom, plain), integrator=_cheap(model), **cheap)
         late, second = None, not stiff and is_of_second_order(model)
@@ -166,6 +171,16 @@ def _touching(machine: Machine) -> float:
         rows = np.arange(0, len(run), max(len(run) // _POSES, 1))
         seen.append(touching(model, channels, run, rows))
     return float(np.concatenate(seen).mean())
+
+
+def _agrees(calm: Engine, plain: Engine, runs: Sequence[Run]) -> bool:
+    """Whether an engine that takes few steps now and then does what another one does, to a part of the noise."""
+    segments = cut(runs, 1.0, 0.0)
+    segments = segments.pick(np.unique(np.linspace(0, segments.size - 1, _COMPARED).astype(np.int64)))
+    starts = plain.starts(segments)[None]
+    one, other = (engine.predict(segments, starts, [NOMINAL])[0] for engine in (calm, plain))
+    noise = np.mean([run.noise for run in runs], axis=0)
+    return bool(np.isfinite(one).all() and (np.abs(one - other) < _AGREES * noise).all())
 
 
 def _steps(interval: float, longest: float) -> int:

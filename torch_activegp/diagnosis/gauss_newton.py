@@ -51,7 +51,6 @@ class Problem:
         self._design = None if near is None else near.design
         self._smooth = smooth
         self.effects = effects
-        self.finished = False
         self._trial = np.concatenate([np.asarray(v, dtype=float) for v in values]) if values else np.zeros(0)
         self._trial_starts = starts.copy()
         self._low, self._high = bounds(effects)
@@ -62,11 +61,10 @@ class Problem:
         self._settling = 0 if self._hold or self._design is None else SETTLE
         self._columns: Array | None = None
         self._reach = shooting.state_reach()
-        self._brake = np.ones(len(starts))
-        self._raw = np.zeros(0)
+        self._brake, self._raw, self._taken = np.ones(len(starts)), np.zeros(0), np.zeros(0)
         self._differences: Differences
         self._linear: Eliminated
-        self._known = False
+        self.finished = self._known = self._begins_anew = False
         self._kept: Problem | None = None
         self._predicted = 0.0
         self._stale = self._design is not None
@@ -120,6 +118,7 @@ class Problem:
             if first and self._still and self._smooth is not None:
                 far = self.shooting.segments.far_off(per_segment)
                 self._trial_starts = np.where(far[:, None], self._smooth, self._trial_starts)
+                self._begins_anew = bool(far.any())
         self._settle(last)
 
     def _settle(self, last: bool) -> None:
@@ -127,8 +126,10 @@ class Problem:
         if not self._settling:
             return
         assert self._best is not None
-        settled = self._design is not None and self._predicted < _ALONE + _SHARE * self.chi2
-        self._settling = 0 if self.finished or last or settled else self._settling - 1
+        little = self._design is not None and self._predicted < _ALONE + _SHARE * self.chi2
+        settled = (self.finished or little) and not self._begins_anew
+        self._settling = 0 if last or settled else self._settling - 1
+        self.finished, self._begins_anew = self.finished and not self._settling, False
         if self._settling or (last and self._kept is None):
             return
         if self._kept is not None:
@@ -174,7 +175,7 @@ class Problem:
         old = self._best.per_segment
         better = per_segment < old
         promised = self._linear.promise[~better & (self._brake < 1.0)].sum()
-        misled = self._stale and promised > _ALONE + _SHARE * self.chi2
+        misled = self._stale and promised > _ALONE + 0.1 * _SHARE * self.chi2
         starts = np.where(better[:, None], self._trial_starts, self._best.starts)
         level = np.where(better, per_segment, old)
         self._raw = np.where(better[:, None], residual, self._raw)
@@ -200,7 +201,7 @@ class Problem:
             self._design = by.by_states(white)
             self._age, self._stale = 0, False
         given = {} if self._still else self._given
-        self._columns = by.by_parameters(white, given)
+        self._columns, self._taken = by.by_parameters(white, given), self._trial
         if given:
             self._given, self._age = {}, max(self._age, 1)
         return self._columns
@@ -220,6 +221,7 @@ class Problem:
         self._propose()
         self.finished = False
         self._trial_starts = np.where(worse[:, None], self._smooth, self._trial_starts)
+        self._begins_anew = True
 
     def _end_of_detour(self) -> None:
         """Goes on from where the states have followed, or back to where they came from."""
@@ -272,11 +274,8 @@ class Problem:
             normal, gradient = eliminated.normal.sum(0), eliminated.gradient.sum(0)
             delta = bounded_step(normal, gradient, self._damping, flat, self._low, self._high)
         shift = eliminated.states(delta[: eliminated.normal.shape[-1]], self._reach)
-        gain = float((eliminated.promise * self._brake * (2.0 - self._brake)).sum())
-        if not self._still:
-            gain += float(2 * eliminated.gradient.sum(0) @ delta - delta @ eliminated.normal.sum(0) @ delta)
-        self._predicted = gain
-        if gain < _LITTLE + 1e-5 * self.chi2:
+        self._predicted = eliminated.gain(delta[: eliminated.normal.shape[-1]], self._brake)
+        if self._predicted < _LITTLE + 1e-5 * self.chi2:
             self.finished = True
         brake = self._brake[:, None] / (1.0 + self._damping)
         self._trial, self._trial_starts = flat + delta, starts + brake * shift
@@ -286,15 +285,16 @@ class Problem:
         if self._kept is not None:
             self._end_of_detour()
         assert self._best is not None
-        linear = self._linear
+        whole = self._columns is not None and self._columns.shape[-1] == len(self._best.flat)
         return Fit(
             self.effects,
             split(self.effects, self._best.flat),
             self._best.starts,
             self._best.chi2,
             self._best.per_segment,
-            linear.normal.sum(0),
-            linear.gradient,
+            self._linear.normal.sum(0),
+            self._linear.gradient,
             self._design,
-            None if self._columns is None or self._columns.shape[-1] < len(self._best.flat) else self._columns,
+            self._columns if whole else None,
+            self._taken if whole else None,
         )

@@ -94,6 +94,8 @@ class Numerics(Forms):
                 rough = dataclasses.replace(first, engine=cheap).fit(sets[:1], here.starts, near=here)[0]
                 if np.isfinite(rough.chi2):
                     break
+        if rough.design is None:
+            rough = first.fit([(rough.effects, rough.values)], rough.starts, hold=True)[0]
         trials = [*sets[:1], *_without_delays(sets[:1])]
         competing = self._forms(trials[0][0] if trials else (), known)
         engine, working, judged = self._race(competing, first, rough, trials[1:], whole.dof)
@@ -161,7 +163,7 @@ class Numerics(Forms):
         for cheap in self._cheap_ones(rival, precise, rough):
             known = rival.exact if judged is rough else None
             working, judged = _settled(dataclasses.replace(precise, engine=cheap), engine, judged, known, lost)
-            if not np.isfinite(judged.chi2):
+            if not np.isfinite(judged.chi2) and cheap is not engine:
                 judged = exact or rough
                 continue
             if judged.chi2 > lost or working.offset is None or _is_close(working, judged, exact or engine):
@@ -286,5 +288,5 @@ def _unabsorbed(shooting: Shooting, fit: Fit) -> float:
 
 def _beside(design: Array, white: Array) -> Array:
     """What some derivatives ``(S, M, n)`` do not make of whitened columns ``(S, M)``."""
-    basis, _ = np.linalg.qr(design)
+    basis, _ = np.linalg.qr(design[..., design.any(axis=(0, 1))])
     return np.asarray(white - np.einsum("smn,sn->sm", basis, np.einsum("smn,sm->sn", basis, white)))

@@ -151,7 +151,7 @@ class Shooting:
             near: a fit near by, whose derivatives save work.
             below: a fit of what the sets have in common: a first guess that is worse than it misleads, and is left.
         """
-        smooth = None if near is None or near.design is None else self.engine.starts(self.segments)
+        smooth = None if near is None else self.engine.starts(self.segments)
         running = {
             i: Problem(self, tuple(e), tuple(v), starts if starts.ndim == 2 else starts[i], hold, near, smooth, below)
             for i, (e, v) in enumerate(sets)

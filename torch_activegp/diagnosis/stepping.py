@@ -65,16 +65,19 @@ class Stepping:
         for group in groups:
             self._at_once(states, group)
 
+    @property
+    def _room(self) -> int:
+        """Rows for which there is room for inputs and states."""
+        return max(_BYTES // (8 * self._substeps * sum(view.size for view in self._views.values())), 1)
+
     def _groups(self) -> Iterator[range]:
         """Steps of the same length and as many rows in all simulations, no more together than memory wants."""
         apart = np.diff(self._edges, axis=1)[:, 0]
         change = np.abs(np.diff(self._steps, axis=1)) > _EVEN * self._steps[:, 1:]
         ends = [0, *(np.flatnonzero(change.any(axis=0) | (np.diff(apart) != 0)) + 1), self._steps.shape[1]]
-        views = self._views.values()
-        most = max(_BYTES // (8 * self._substeps * sum(view.size for view in views)), 1)
         for first, last in itertools.pairwise(ends):
-            for start in range(first, last, most):
-                yield range(start, min(start + most, last))
+            for start in range(first, last, self._room):
+                yield range(start, min(start + self._room, last))
 
     def _at_once(self, states: Array, group: range) -> None:
         """Advances through a group of steps in one call."""
@@ -121,7 +124,7 @@ class Stepping:
     def _each(self) -> Iterator[tuple[int, Array, Array]]:
         """The row at each edge's end, and controls and forces up to there, made for several edges together."""
         for _, edges in itertools.groupby(self._edges, key=lambda edge: edge[1] - edge[0]):
-            for some in _batched(list(edges), _TOGETHER):
+            for some in _batched(list(edges), min(_TOGETHER, self._room)):
                 controls, forces = self._inputs(some)
                 for i, (_, after) in enumerate(some):
                     mine = slice(i * self._substeps, (i + 1) * self._substeps)

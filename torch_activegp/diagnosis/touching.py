@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from torch_activegp.diagnosis.runs import Channels, Run
 
 _WIDER = 0.005
+"""Part of the machine's size, and of a joint's range, from which on it is about to touch."""
 
 
 def touching(model: mujoco.MjModel, channels: Channels, run: Run, rows: NDArray[np.int64]) -> NDArray[np.bool_]:
