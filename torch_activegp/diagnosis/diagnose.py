@@ -38,7 +38,7 @@ _WORTH_LEARNING = 0.03
 """A remainder of a smaller part of the mismatch is not modelled."""
 
 _CUT_SHORT = (
-    "The search for effects ended when it had computed 160 million time steps. Further ones on top of those found, "
+    "The search for effects ended when it had computed 80 million time steps. Further ones on top of those found, "
     "or others in their place, were not all tried."
 )
 
