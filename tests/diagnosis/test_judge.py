@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from torch_activegp.diagnosis.compared import Selection
-from torch_activegp.diagnosis.judge import SEEN, as_one, as_two, judge, omnibus
+from torch_activegp.diagnosis.judge import SEEN, _may_be_coloured, as_one, as_two, judge, omnibus
 from torch_activegp.diagnosis.score import Score
 
 
@@ -192,3 +192,33 @@ def test_more_must_be_left_without_a_name_where_a_filter_of_the_noise_cannot_be_
     monkeypatch.setattr("torch_activegp.diagnosis.judge.VISIBLE", 1e-4)
     alone = Selection(bench.nominal, [bench.nominal], Score(shooting.samples, 20, 1.0))
     assert judge(shooting, alone).verdict == verdict
+
+
+@pytest.mark.parametrize(
+    ("coloured", "bar", "verdict"), [(True, 100.0, "named"), (False, 100.0, "none"), (True, 1e6, "none")]
+)
+def test_names_that_gain_much_are_kept_before_noise_that_may_be_coloured(
+    bench, monkeypatch, coloured: bool, bar: float, verdict: str
+) -> None:
+    from torch_activegp.diagnosis import judge as module
+
+    monkeypatch.setattr(module, "_visible", lambda shooting, left: False)
+    monkeypatch.setattr(module, "_may_be_coloured", lambda shooting: coloured)
+    monkeypatch.setattr(module, "BEHIND_COLOUR", bar)
+    wet = bench.fit("viscous_friction", 0.05)
+    part = dataclasses.replace(wet, chi2=wet.chi2 + 0.4 * (bench.nominal.chi2 - wet.chi2))
+    left = dataclasses.replace(omnibus(bench.shooting, bench.nominal), excess=part.chi2 - wet.chi2)
+    monkeypatch.setattr(module, "omnibus", lambda shooting, fit: left)
+    judged = judge(bench.shooting, selection(bench, part))
+    assert (judged.verdict, judged.unexplained) == (verdict, pytest.approx(0.4, abs=0.01))
+
+
+def test_noise_may_be_coloured_where_it_is_seen_or_could_not_be_but_a_video_is_judged_as_one(bench) -> None:
+    shooting, segments = bench.shooting, bench.shooting.segments
+    assert not _may_be_coloured(shooting)
+    slow = dataclasses.replace(segments, dt=np.full_like(segments.dt, 0.02))
+    assert _may_be_coloured(dataclasses.replace(shooting, segments=slow))
+    videos = tuple(dataclasses.replace(run, video=True) for run in segments.runs)
+    assert not _may_be_coloured(dataclasses.replace(shooting, segments=dataclasses.replace(slow, runs=videos)))
+    coloured = dataclasses.replace(shooting.noise, colour=np.ones_like(shooting.noise.colour))
+    assert _may_be_coloured(dataclasses.replace(shooting, noise=coloured))
