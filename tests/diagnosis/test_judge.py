@@ -211,6 +211,10 @@ def test_names_that_gain_much_are_kept_before_noise_that_may_be_coloured(
     monkeypatch.setattr(module, "omnibus", lambda shooting, fit: left)
     judged = judge(bench.shooting, selection(bench, part))
     assert (judged.verdict, judged.unexplained) == (verdict, pytest.approx(0.4, abs=0.01))
+    monkeypatch.setattr(
+        module, "_split", lambda shooting, chosen, rivals: (part.effects, (bench.effect("linear_spring"),))
+    )
+    assert judge(bench.shooting, selection(bench, part)).verdict == "none"
 
 
 def test_noise_may_be_coloured_where_it_is_seen_or_could_not_be_but_a_video_is_judged_as_one(bench) -> None:

@@ -159,7 +159,8 @@ def judge(shooting: Shooting, selection: Selection) -> Judgement:
     if after.p_value < DOUBT and (unexplained > most or crowded):
         sure = (crowded and unexplained <= INADEQUATE) or _visible(shooting, before)
         verdict = "unknown" if sure else "none"
-        if not sure and _may_be_coloured(shooting) and score(nominal) - score(best) > BEHIND_COLOUR:
+        clear = not retuned and score(nominal) - score(best) > BEHIND_COLOUR  # what is fitted along follows colours too
+        if not sure and clear and _may_be_coloured(shooting):
             verdict = "tie" if any(ties) else "named"
     else:
         verdict = "tie" if any(ties) else "named"
