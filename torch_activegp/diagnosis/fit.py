@@ -86,17 +86,15 @@ class Fit:
         out: dict[int, Array] = {}
         if self.columns is None or self.taken is None:
             return out
-        first, at, there = 0, {}, dict(zip(self.effects, split(self.effects, self.taken), strict=True))
-        for effect in self.effects:
-            at[effect] = first
-            first += len(effect.parameters)
+        by_parameter = split(self.effects, np.moveaxis(self.columns, -1, 0))
+        there = dict(zip(self.effects, zip(split(self.effects, self.taken), by_parameter, strict=True), strict=True))
         place = 0
         for effect, value in zip(effects, values, strict=True):
             if effect in there:
-                own, here = there[effect], np.arange(len(value))
-                close = np.abs(value - own) <= np.where(here < effect.linear, _ABOUT, _SHAPED) * np.abs(own)
-                if close.all():
-                    out |= {place + int(i): self.columns[..., at[effect] + int(i)] for i in here}
+                own, columns = there[effect]
+                part = np.where(np.arange(len(value)) < effect.linear, _ABOUT, _SHAPED)
+                if (np.abs(value - own) <= part * np.abs(own)).all():
+                    out |= {place + i: column for i, column in enumerate(columns)}
             place += len(value)
         return out
 

@@ -102,9 +102,9 @@ class Forms:
             calm = striking(model, substeps=often, integrator=RUNGE_KUTTA)
             fine = calm if _agrees(calm, fine, machine.fit) else fine
         halfway = max(math.ceil(often / 2), few) if stiff else few
-        middle, cheap = fine, {} if striking is not make else {"stride": stride, "contacts": not free}
+        contacts = {"contacts": not free} if striking is make else {}
+        middle, cheap = fine, contacts and contacts | {"stride": stride}
         if halfway < often:
-            contacts = {} if striking is not make else {"contacts": not free}
             middle = striking(model, substeps=halfway, integrator=RUNGE_KUTTA, **contacts)
         coarse = striking(model, substeps=min(seldom, plain), integrator=_cheap(model), **cheap)
         late, second = None, not stiff and is_of_second_order(model)

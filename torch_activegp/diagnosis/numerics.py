@@ -159,17 +159,8 @@ class Numerics(Forms):
         exact = _settled(precise, engine, rough, rival.exact, lost)[1] if self.stiff else None
         if exact is not None and (exact.chi2 > lost or not np.isfinite(exact.chi2)):
             return precise, exact
-        working, judged = precise, rough
-        for cheap in self._cheap_ones(rival, precise, rough):
-            known = rival.exact if judged is rough else None
-            working, judged = _settled(dataclasses.replace(precise, engine=cheap), engine, judged, known, lost)
-            if not np.isfinite(judged.chi2) and cheap is not engine:
-                judged = exact or rough
-                continue
-            if judged.chi2 > lost or working.offset is None or _is_close(working, judged, exact or engine):
-                break
-            judged = exact or judged
-        return working, judged
+        forms = self._cheap_ones(rival, precise, rough)
+        return _first_close(precise, forms, rough, exact, rival.exact, lost)
 
     def _on_all(self, working: Shooting, engine: Engine, begin: Fit) -> tuple[Shooting, Fit]:
         """The form that was found on a part of the segments, and the fit to all of them; see :meth:`_working`."""
@@ -177,13 +168,8 @@ class Numerics(Forms):
         exact = _settled(precise, engine, begin)[1] if self.stiff else None
         if exact is not None and not np.isfinite(exact.chi2):
             return precise, exact
-        judged = exact or begin
-        for cheap in dict.fromkeys((working.engine, self.stand_in(engine), engine)):
-            working, judged = _settled(dataclasses.replace(precise, engine=cheap), engine, judged)
-            if working.offset is None or _is_close(working, judged, exact or engine):
-                break
-            judged = exact or judged
-        return working, judged
+        forms = list(dict.fromkeys((working.engine, self.stand_in(engine), engine)))
+        return _first_close(precise, forms, exact or begin, exact)
 
     def _cheap_ones(self, rival: _Rival, precise: Shooting, rough: Fit) -> list[Engine]:
         """What may stand in for an engine, the engine itself last: first the cheapest that is close where they begin.
@@ -227,17 +213,38 @@ class _Rival:
         return cls(engine, exact, left if np.isfinite(left) else np.inf)
 
 
+def _first_close(
+    precise: Shooting,
+    forms: Sequence[Engine],
+    begin: Fit,
+    exact: Fit | None,
+    predicted: Array | None = None,
+    lost: float = np.inf,
+) -> tuple[Shooting, Fit]:
+    """The first form that stays close to a precise one, the last of them, corrected by it; and its fit.
+
+    Where the precise form was fitted (`exact`), what stands in must fit as well. `predicted` is what it says where the
+    fits begin, where that is known; nothing more is done from a chi2 of `lost` on.
+    """
+    engine, working, judged = precise.engine, precise, begin
+    for cheap in forms:
+        known = predicted if judged is begin else None
+        working, judged = _settled(dataclasses.replace(precise, engine=cheap), engine, judged, known, lost)
+        if not np.isfinite(judged.chi2) and cheap is not engine:
+            judged = exact or begin
+            continue
+        if judged.chi2 > lost or working.offset is None or _is_close(working, judged, exact or engine):
+            break
+        judged = exact or judged
+    return working, judged
+
+
 def _settled(
     working: Shooting, engine: Engine, judged: Fit, exact: Array | None = None, lost: float = np.inf
 ) -> tuple[Shooting, Fit]:
     """A form corrected by an engine where its own fit ends, and that fit; only the first one where that is lost.
 
-    Args:
-        working: the likelihood by the form.
-        engine: the precise form.
-        judged: a fit to begin from.
-        exact: what the engine predicts there, where that is known.
-        lost: chi2 from which on nothing more is done.
+    It begins from a fit, where what the engine predicts may be known (`exact`), and ends from a chi2 of `lost` on.
     """
     for number in range(_ROUNDS):
         before = judged.chi2

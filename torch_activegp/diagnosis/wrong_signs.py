@@ -9,7 +9,7 @@ import mujoco
 import numpy as np
 
 from torch_activegp.diagnosis.runs import Array, Channels, Run, input_addresses
-from torch_activegp.diagnosis.wrong_units import Motion, forces_of, motion_of
+from torch_activegp.diagnosis.wrong_units import Motion, balance, forces_of
 from torch_activegp.errors import DataError
 
 _LACKS = 0.5
@@ -33,12 +33,12 @@ def check_signs(model: mujoco.MjModel, channels: Channels, runs: Sequence[Run]) 
     Raises:
         DataError: a sign seems to be the other way round.
     """
-    motion = None if channels.prescribed is not None else motion_of(runs)
-    if motion is None:
+    balanced = balance(model, channels, runs)
+    if balanced is None:
         return
-    same = np.ones(len(channels.joints))
-    missing, there = forces_of(model, channels, motion, same)
-    if (there <= 0.0).any() or (lacking := float((missing / there).max())) < _LACKS:
+    motion, missing, there = balanced
+    lacking = float((missing / there).max())
+    if lacking < _LACKS:
         return
     worst = int(np.argmax(missing / there))
     found = []

@@ -54,12 +54,10 @@ def check_units(model: mujoco.MjModel, channels: Channels, runs: Sequence[Run]) 
     Raises:
         DataError: some joints seem to be recorded in another unit.
     """
-    motion = None if channels.prescribed is not None else motion_of(runs)
-    if motion is None:
+    found = balance(model, channels, runs)
+    if found is None:
         return
-    missing, there = forces_of(model, channels, motion, np.ones(len(channels.joints)))
-    if (there <= 0.0).any():
-        return
+    motion, missing, there = found
     for unit, slip, which in _guesses(channels):
         before = float((missing / there)[which].max())
         if before <= _BAD:
@@ -74,6 +72,18 @@ def check_units(model: mujoco.MjModel, channels: Channels, runs: Sequence[Run]) 
                 f"times the forces that the model has; in {unit} it would not. Name the unit in a column map "
                 f'(--columns MAP.toml): qpos.{joint} = {{ column = "qpos.{joint}", unit = "{unit}" }}.'
             )
+
+
+def balance(model: mujoco.MjModel, channels: Channels, runs: Sequence[Run]) -> tuple[Motion, Array, Array] | None:
+    """A motion, and its forces as in :func:`forces_of`.
+
+    None where the motion of some joints is prescribed, where noise hides accelerations, and where a joint has no force.
+    """
+    motion = None if channels.prescribed is not None else motion_of(runs)
+    if motion is None:
+        return None
+    missing, there = forces_of(model, channels, motion, np.ones(len(channels.joints)))
+    return None if (there <= 0.0).any() else (motion, missing, there)
 
 
 def _worst(model: mujoco.MjModel, channels: Channels, runs: Sequence[Run], which: NDArray[np.bool_]) -> str:
