@@ -1,5 +1,6 @@
 from __future__ import annotations
 
+import dataclasses
 import json
 from types import SimpleNamespace
 from typing import Self
@@ -10,7 +11,7 @@ import pytest
 
 from torch_activegp.data.balls import balls_model, load_balls
 from torch_activegp.diagnosis import diagnose
-from torch_activegp.diagnosis.diagnose import _remainder
+from torch_activegp.diagnosis.diagnose import _given_up, _remainder
 from torch_activegp.errors import ConfigurationError, DataError
 from torch_activegp.physics import Parameter, Place
 from torch_activegp.physics.friction import write_sharp
@@ -189,6 +190,19 @@ def test_what_cannot_be_diagnosed_is_refused(bench, record) -> None:
         diagnose(bench.xml, [record(qpos__knee=np.linspace(0.0, 1.0, 201))])
     with pytest.raises(ConfigurationError, match="no file `missing.xml`"):
         diagnose("missing.xml", [record()])
+
+
+def test_no_reported_rival_fits_worse_than_a_part_of_itself(diagnosed, bench) -> None:
+    """A race gives some sets up before they fit; beside what did, their figures would contradict each other."""
+    rivals = diagnosed("viscous").to_dict()["rivals"]
+    sets = [({(e["name"], e["target"]) for e in rival["effects"]}, rival["chi2_per_dof"]) for rival in rivals]
+    assert not any(other < own and chi2 < its - 1e-3 for own, its in sets for other, chi2 in sets)
+    part, whole = bench.fit("viscous_friction", 0.05), bench.fit("viscous_friction", 0.05)
+    both = (*whole.effects, bench.effect("linear_spring"))
+    short = dataclasses.replace(whole, effects=both, chi2=part.chi2 + 1.0)
+    ended = dataclasses.replace(short, chi2=part.chi2 - 1.0)
+    rivals = [(fit, 0.0, 0.5) for fit in (part, short)]
+    assert [_given_up(fit, rivals) for fit in (part, short, ended)] == [False, True, False]
 
 
 def test_what_a_prescribed_joint_carries_is_explained(double, tmp_path) -> None:

@@ -43,15 +43,28 @@ def test_regions_whose_bins_changed_are_left_out(bench) -> None:
 
 
 def test_the_law_runs_through_the_residual_force(bench, damped) -> None:
-    (law,) = laws(bench.shooting, damped, damped.effects)
+    left = locate(bench.shooting, damped)
+    (law,) = laws(bench.engine.channels, left, damped, damped.effects)
     assert (law["name"], law["target"], law["over"]) == ("viscous_friction", "joint:hip", "qvel.hip")
     assert (law["unit_x"], law["unit_y"]) == ("rad/s", "N m")
     np.testing.assert_allclose(law["law_y"], -damped.values[0][0] * np.array(law["law_x"]))
-    away = np.interp(law["x"], law["law_x"], law["law_y"]) - law["force"]
-    assert np.sqrt(np.mean((away / np.maximum(law["force_sd"], 0.01)) ** 2)) < 3.0
+    away = (np.interp(law["x"], law["law_x"], law["law_y"]) - law["force"]) / law["force_sd"]
+    assert 0.5 < np.sqrt(np.mean(away**2)) < 2.0
     assert np.ptp(law["force"]) > 0.5 * np.ptp(law["law_y"])
+
+
+def test_a_law_of_the_wrong_size_shows_the_force_that_is_there(bench, damped) -> None:
+    """Half the damping leaves the other half in the residual: the points stay where they are, the line does not."""
+    half = dataclasses.replace(damped, values=(0.5 * damped.values[0],))
+    right, wrong = (
+        laws(bench.engine.channels, locate(bench.shooting, fit), fit, fit.effects)[0] for fit in (damped, half)
+    )
+    moved = (np.array(wrong["force"]) - right["force"]) / np.array(right["force_sd"])
+    assert np.sqrt(np.mean(moved**2)) < 1.0
+    apart = (np.array(wrong["force"]) - np.interp(wrong["x"], wrong["law_x"], wrong["law_y"])) / wrong["force_sd"]
+    assert np.sqrt(np.mean(apart**2)) > 3.0
 
 
 def test_an_effect_without_a_force_law_has_none(bench) -> None:
     fit = bench.fit("armature_error", 0.01)
-    assert laws(bench.shooting, fit, fit.effects) == []
+    assert laws(bench.engine.channels, locate(bench.shooting, fit), fit, fit.effects) == []

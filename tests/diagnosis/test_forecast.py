@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 from torch_activegp.data import Recording
+from torch_activegp.diagnosis import forecast
 from torch_activegp.diagnosis.engine import NOMINAL, Candidate, Engine
 from torch_activegp.diagnosis.forecast import SEEN, STEP, compare, free_run, one_step
 from torch_activegp.diagnosis.machine import make_machine
@@ -115,6 +116,29 @@ def test_a_model_that_is_another_one_too_is_simulated_once(bench) -> None:
     assert bench.engine.work - begun == 2.0 * work
     assert both["free_run"]["after"] == both["free_run"]["before"] == alone["free_run"]["before"]
     assert trace["after"] == trace["before"]
+
+
+def test_a_model_that_does_not_follow_a_run_is_begun_from_longer_beginnings_too(bench, truth, monkeypatch) -> None:
+    """And what follows it costs nothing more."""
+    seen: list[list[float]] = []
+    followed = forecast._followed
+
+    def spy(*arguments):
+        seen.append(arguments[-1])
+        starts, chi2 = followed(*arguments)
+        return (starts + 0.3, chi2 * 2.0) if len(seen) == 1 and lost else (starts, chi2)
+
+    monkeypatch.setattr(forecast, "_followed", spy)
+    monkeypatch.setattr(forecast, "_FIRST", 0.5)
+    lost = False
+    assert len(free_run(bench.engine, [truth], bench.machine.holdout, bench.shooting.noise)) == len(seen) == 1
+    seen.clear()
+    plain = free_run(bench.engine, [NOMINAL], bench.machine.holdout, bench.shooting.noise)[0][0]
+    assert seen == [[0.5], [0.5, 1.0]]
+    seen.clear()
+    lost = True  # the first fit ended elsewhere
+    other = free_run(bench.engine, [NOMINAL], bench.machine.holdout, bench.shooting.noise)[0][0]
+    np.testing.assert_allclose(other[1], plain[1], atol=1e-3)
 
 
 @pytest.mark.parametrize("damping", [0.1, 4.0])

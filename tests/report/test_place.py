@@ -19,6 +19,15 @@ def test_the_rows_say_where(fakes: Any) -> None:
     assert rows[0]["q"] == "q < 10\u207b\u00b9\u00b2"
 
 
+@pytest.mark.parametrize("share", [0.05, 0.6])
+def test_shares_that_overlap_are_explained(fakes: Any, share: float) -> None:
+    diagnosis, evidence = fakes["named"]()
+    for found in diagnosis["location"][1:]:
+        found["share"] = share
+    total = sum(found["share"] for found in diagnosis["location"])
+    assert place(diagnosis, evidence).content["overlap"] == (total > 1.005)
+
+
 def test_the_maps_start_with_the_worst_and_share_one_scale(fakes: Any) -> None:
     charts = place(*fakes["named"]()).content["charts"]
     assert [chart.x.label for chart in charts] == ["qvel.elbow [rad/s]", "qpos.elbow [rad]", "qvel.shoulder [rad/s]"]

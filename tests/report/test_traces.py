@@ -26,6 +26,15 @@ def test_a_worse_correction_is_not_praised(fakes: Any) -> None:
     assert "goes from 31" in traces(diagnosis, evidence).heading
 
 
+@pytest.mark.parametrize(
+    ("after", "words"), [(0.00215, "to the noise"), (0.003, "to 1.5 times the noise, 0.3 %"), (0.01, "to 1 %")]
+)
+def test_the_noise_is_what_is_close_to_it(fakes: Any, after: float, words: str) -> None:
+    diagnosis, evidence = fakes["named"]()
+    diagnosis["fit"]["holdout"]["free_run"]["after"] = after
+    assert words in traces(diagnosis, evidence).heading.replace("\u00a0", " ")
+
+
 def test_a_pair_shows_trace_and_error_with_the_noise(fakes: Any) -> None:
     content = traces(*fakes["named"]()).content
     assert (len(content["pairs"]), len(content["more"]), content["left_out"]) == (3, 1, 0)

@@ -34,6 +34,8 @@ from torch_activegp.diagnosis.verdict import Verdict, decide
 from torch_activegp.diagnosis.words import sentence
 from torch_activegp.physics.effect import Effect
 
+_SHOWN = 8
+"""So many rivals are reported, and the nominal."""
 _WORTH_LEARNING = 0.03
 """A remainder of a smaller part of the mismatch is not modelled."""
 
@@ -151,11 +153,11 @@ def _report(
         "mjcf_diff": difference if chosen.effects else None,
         "remainder": None if outcome is None else outcome.details,
     }
-    fitted = judgement.fit
+    left = locate(shooting, chosen) if regions and chosen.effects else regions
     evidence = {
         "map_time": map_time(shooting, nominal, chosen),
-        "map_region": map_region(regions, locate(shooting, chosen) if chosen.effects else regions) if regions else [],
-        "laws": laws(shooting, fitted, judgement.named) if named else [],
+        "map_region": map_region(regions, left),
+        "laws": laws(machine.channels, left, chosen, judgement.named) if named else [],
         "traces": traces,
     }
     words = sentence(judgement.verdict, named, details)
@@ -232,7 +234,8 @@ def _retuned(explanation: Explanation, judgement: Judgement) -> list[dict[str, A
 
 def _rivals(explanation: Explanation, judgement: Judgement) -> list[dict[str, Any]]:
     dof = explanation.shooting.dof
-    shown = [r for i, r in enumerate(judgement.rivals) if i < 8 or not r[0].effects]
+    ended = [rival for rival in judgement.rivals if not _given_up(rival[0], judgement.rivals)]
+    shown = [rival for i, rival in enumerate(ended) if i < _SHOWN or not rival[0].effects]
     return [
         {
             "effects": [{"name": name, "target": target} for name, target in (e.key for e in fit.effects)],
@@ -242,6 +245,11 @@ def _rivals(explanation: Explanation, judgement: Judgement) -> list[dict[str, An
         }
         for fit, distance, weight in shown
     ]
+
+
+def _given_up(fit: Fit, rivals: Sequence[tuple[Fit, float, float]]) -> bool:
+    """Whether a set fits worse than a part of itself: a race ended before it did, and its figures say nothing."""
+    return any(set(other.effects) < set(fit.effects) and other.chi2 < fit.chi2 for other, _, _ in rivals)
 
 
 def _recordings(machine: Machine) -> list[dict[str, Any]]:

@@ -2,19 +2,21 @@
 
 from __future__ import annotations
 
-import dataclasses
 from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
 
 from torch_activegp.diagnosis.fit import Fit
-from torch_activegp.diagnosis.locate import Region, locate
+from torch_activegp.diagnosis.locate import Region
+from torch_activegp.diagnosis.runs import Array, Channels
 from torch_activegp.diagnosis.shooting import Shooting
 from torch_activegp.physics.effect import Effect
 from torch_activegp.physics.joint import JointEffect
 
 _POSITION_LAWS = frozenset({"linear_spring", "cubic_spring", "constant_force", "cogging", "joint_stop"})
+_INSIDE = 21
+"""Places in each bin over which a law is averaged."""
 
 
 def map_time(shooting: Shooting, before: Fit, after: Fit) -> list[dict[str, Any]]:
@@ -58,29 +60,41 @@ def map_region(before: Sequence[Region], after: Sequence[Region]) -> list[dict[s
     return out
 
 
-def laws(shooting: Shooting, fit: Fit, named: Sequence[Effect]) -> list[dict[str, Any]]:
-    """For every named force law: the force that is missing without it, and the law."""
+def laws(channels: Channels, left: Sequence[Region], fit: Fit, named: Sequence[Effect]) -> list[dict[str, Any]]:
+    """For every named force law: the law, and over it the force that is missing without it.
+
+    The points are partial residuals: the law in each bin, and the force that the whole set leaves there. A simulation
+    without the law leaves its segments; the force by which it does so is no longer one on the recorded motion.
+
+    Args:
+        channels: the recorded joints.
+        left: the force that the whole set leaves, :func:`~torch_activegp.diagnosis.locate.locate`.
+        fit: the whole set.
+        named: effects of it.
+
+    Reference: Larsen, McCleary, *The Use of Partial Residual Plots in Regression Analysis*, Technometrics 14 (1972).
+    """
     out = []
+    regions = {(region.joint, region.over): region for region in left}
+    values = fit.by_effect
     for effect in named:
         if not isinstance(effect, JointEffect) or effect.name in ("armature_error", "hysteresis"):
             continue
-        k = fit.effects.index(effect)
-        less = dataclasses.replace(
-            fit,
-            effects=tuple(e for e in fit.effects if e is not effect),
-            values=tuple(v for i, v in enumerate(fit.values) if i != k),
-        )
         joint = effect.target.partition(":")[2]
         by_position = effect.name in _POSITION_LAWS
         over = f"{'qpos' if by_position else 'qvel'}.{joint}"
-        regions = [r for r in locate(shooting, less) if r.joint == joint and r.over == over]
-        if not regions:
+        region = regions.get((joint, over))
+        if region is None:
             continue
-        region = regions[0]
+
+        def law(x: Array, effect: JointEffect = effect, by_position: bool = by_position) -> Array:
+            motion = (x, np.zeros_like(x)) if by_position else (np.zeros_like(x), x)
+            return np.asarray(effect.force(*motion, values[effect]))
+
+        low, high = region.edges[:-1], region.edges[1:]
+        inside = low[:, None] + (high - low)[:, None] * (np.arange(_INSIDE) + 0.5) / _INSIDE
         x = np.linspace(region.edges[0], region.edges[-1], 201)
-        zero = np.zeros_like(x)
-        y = effect.force(x, zero, fit.values[k]) if by_position else effect.force(zero, x, fit.values[k])
-        length = shooting.engine.channels.units[shooting.engine.channels.joints.index(joint)]
+        length = channels.units[channels.joints.index(joint)]
         force = {"rad": "N m", "m": "N"}[length] if "N" in effect.parameters[0].unit else f"{length}/s2"
         out.append(
             {
@@ -89,11 +103,11 @@ def laws(shooting: Shooting, fit: Fit, named: Sequence[Effect]) -> list[dict[str
                 "over": over,
                 "unit_x": length if by_position else f"{length}/s",
                 "unit_y": force,
-                "x": (0.5 * (region.edges[1:] + region.edges[:-1])).tolist(),
-                "force": region.force.tolist(),
+                "x": (0.5 * (low + high)).tolist(),
+                "force": (region.force + law(inside).mean(axis=1)).tolist(),
                 "force_sd": region.spread.tolist(),
                 "law_x": x.tolist(),
-                "law_y": np.asarray(y).tolist(),
+                "law_y": law(x).tolist(),
             }
         )
     return out

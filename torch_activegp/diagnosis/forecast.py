@@ -29,6 +29,8 @@ _FIRST = 1.0
 _ROUNDS = 5
 _ROUGHLY = 0.00125
 """Time steps in which initial states are fitted, s."""
+_LOST = 4.0
+"""A model whose chi2 per sample is larger on a run does not follow it."""
 _ALIKE = 0.2
 """Part of a chi2, and of the number of samples, by which it may differ in shorter steps."""
 
@@ -76,16 +78,21 @@ def free_run(
 ) -> list[list[tuple[Array, Array]]]:
     """Positions of whole runs, each from one fitted initial state.
 
-    The fit begins where one to the first second ends, or with the smoothed recording, whichever leads on better.
+    The fit begins where one to the first second ends, or with the smoothed recording, whichever leads on better. Of a
+    model that does not follow a run so, initial states are fitted to ever longer beginnings too: a wrong model has
+    several that fit it almost as well, and its error would be that of the one that was met first.
 
     Returns:
         For each candidate and each run, positions ``(K + 1, C)``, rad or m, and the initial state, ``(nq + nv,)``.
     """
-    whole, pieces = cut(runs, 1e9, 0.0), cut(runs, _FIRST, 0.0)
-    start, heads = engine.starts(whole), pieces.pick(np.flatnonzero(pieces.first == 0))
-    begun = _begun(engine, heads, noise, candidates, start)
-    first = _better(Shooting(engine, whole, noise), candidates, begun, np.broadcast_to(start, begun.shape))
-    starts = _begun(engine, whole, noise, candidates, first)
+    whole = cut(runs, 1e9, 0.0)
+    starts, chi2 = _followed(engine, runs, noise, candidates, [_FIRST])
+    lost = np.flatnonzero((chi2 > _LOST * whole.samples).any(axis=1))
+    doublings = math.ceil(math.log2(max(max(float(run.time[-1]) for run in runs) / _FIRST, 1.0)))
+    lengths = [_FIRST * 2.0**n for n in range(doublings)]  # the whole comes in the end
+    if lost.size and len(lengths) > 1:
+        others, other = _followed(engine, runs, noise, [candidates[int(i)] for i in lost], lengths)
+        starts[lost] = np.where((other < chi2[lost])[..., None], others, starts[lost])
     predicted, _ = engine.predict(whole, starts, candidates)
     return [
         [(path[i, : len(run)], begin[i]) for i, run in enumerate(runs)]
@@ -117,13 +124,42 @@ def _agrees(shooting: Shooting, fits: Sequence[Fit]) -> bool:
     return bool((np.abs(chi2 - told) < _ALIKE * (told + shooting.segments.samples)).all())
 
 
+def _followed(
+    engine: Engine, runs: Sequence[Run], noise: NoiseModel, candidates: Sequence[Candidate], lengths: Sequence[float]
+) -> tuple[Array, Array]:
+    """Initial states ``(N, S, nq + nv)`` that fit whole runs, and chi2 ``(N, S)``.
+
+    Args:
+        engine: simulates.
+        runs: S whole runs.
+        noise: whitens.
+        candidates: N models.
+        lengths: of the beginnings to which states are fitted first, s, in turn.
+    """
+    whole = cut(runs, 1e9, 0.0)
+    shooting = Shooting(engine, whole, noise)
+    smooth = engine.starts(whole)
+    starts = np.broadcast_to(smooth, (len(candidates), *smooth.shape))
+    for length in lengths:
+        pieces = cut(runs, length, 0.0)
+        heads = pieces.pick(np.flatnonzero(pieces.first == 0))
+        begun = _begun(engine, heads, noise, candidates, starts)
+        starts = _better(shooting, candidates, begun, starts)
+    ended = _begun(engine, whole, noise, candidates, starts)
+    return ended, _chi2(shooting, candidates, ended)
+
+
 def _better(shooting: Shooting, candidates: Sequence[Candidate], one: Array, other: Array) -> Array:
     """Of two initial states ``(N, S, nq + nv)`` those from which a candidate follows a run better."""
-    states = np.concatenate([one, other])
-    predicted, _ = shooting.engine.predict(shooting.segments, states, [*candidates, *candidates])
-    chi2 = np.nan_to_num((shooting.residuals(predicted) ** 2).sum(axis=-1), nan=np.inf)
+    chi2 = _chi2(shooting, [*candidates, *candidates], np.concatenate([one, other]))
     ahead = chi2[: len(one)] <= chi2[len(one) :]
     return np.where(ahead[..., None], one, other)
+
+
+def _chi2(shooting: Shooting, candidates: Sequence[Candidate], states: Array) -> Array:
+    """Chi2 of candidates from their initial states, ``(N, S)``; infinite where a simulation fails."""
+    predicted, _ = shooting.engine.predict(shooting.segments, states, candidates)
+    return np.nan_to_num((shooting.residuals(predicted) ** 2).sum(axis=-1), nan=np.inf)
 
 
 def compare(

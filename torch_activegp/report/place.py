@@ -17,6 +17,7 @@ from torch_activegp.report.words import capital, place_name
 _MOST_RUNS = 24
 _MOST_CHARTS = 24
 _SIGNIFICANT = 0.05
+_WHOLE = 1.005
 
 
 def place(diagnosis: Values, evidence: Values) -> Section | None:
@@ -29,7 +30,13 @@ def place(diagnosis: Values, evidence: Values) -> Section | None:
     times = _times(evidence, looks)
     if not (rows or maps or times):
         return None
-    content = {"rows": rows, "times": times, "legend": legend(), "charts": _charts(maps[:_MOST_CHARTS], looks, known)}
+    content = {
+        "rows": rows,
+        "overlap": sum(found.get("share") or 0.0 for found in diagnosis.get("location") or []) > _WHOLE,
+        "times": times,
+        "legend": legend(),
+        "charts": _charts(maps[:_MOST_CHARTS], looks, known),
+    }
     return Section("place", "Where", _heading(diagnosis), content)
 
 

@@ -8,7 +8,7 @@ import numpy as np
 
 from torch_activegp.report.axis import Axis, axis_over
 from torch_activegp.report.chart import Chart, band, line
-from torch_activegp.report.numbers import is_number, percent, quantity
+from torch_activegp.report.numbers import is_number, number, percent, quantity
 from torch_activegp.report.section import Section, Values
 
 _FIRST = 3
@@ -17,6 +17,8 @@ _MARGIN = 0.3
 _WINDOWS = 60
 _SHORTEST = 5
 _TWO_SIDED_95 = 1.96
+_AT, _NEAR = 1.1, 3.0
+"""Errors up to so many times the noise are the noise; up to so many are told in units of it."""
 _TEXTS = {"before": "simulator", "after": "corrected", "gp": "corrected + GP"}
 _KINDS = (("free_run", "Free run"), ("one_step", "One step"))
 
@@ -48,9 +50,10 @@ def _heading(diagnosis: Values, holdout: Values) -> str:
         return f"On runs that it never saw, the simulator is off by {percent(before)} of the motion"
     if not (is_number(before) and is_number(after)):
         return "Forecasts of runs that the fit never saw"
-    if is_number(noise) and after <= 1.5 * noise:
-        return f"On runs that the fit never saw, the error falls from {percent(before)} to the noise, {percent(after)}"
     verb = "falls" if after < before else "goes"
+    if is_number(noise) and noise > 0.0 and after <= _NEAR * noise:
+        level = "the noise" if after <= _AT * noise else f"{number(after / noise, 2)} times the noise"
+        return f"On runs that the fit never saw, the error {verb} from {percent(before)} to {level}, {percent(after)}"
     return f"On runs that the fit never saw, the error {verb} from {percent(before)} to {percent(after)}"
 
 
