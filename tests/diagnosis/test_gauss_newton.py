@@ -120,3 +120,23 @@ def test_derivatives_that_were_lent_serve_once(bench) -> None:
     assert problem._given == {}
     assert problem._age == 1
     assert problem.finished
+
+
+def test_a_segment_that_overshot_once_does_not_creep_for_ever(bench) -> None:
+    """A full step of the last segment's state leads astray from where it begins, and not from nearer by."""
+    abscissa, asked = np.linspace(-1.0, 2.0, 12), 0
+    effect = bench.effect("constant_force")
+    problem = Problem(Steps(), (effect,), (np.array([5.0]),), np.array([[1.0], [1.0], [1.0], [3.0]]))
+    for _ in range(30):
+        if problem.finished:
+            break
+        candidates, states = problem.ask()
+        asked += len(candidates)
+        offset = states[..., 0].copy()
+        offset[:, 3] = 10.0 * np.arctan(offset[:, 3])
+        slope = np.array([c.values[0][0] for c in candidates])
+        problem.tell(0.3 * abscissa - offset[..., None] - (slope[:, None] * abscissa)[:, None], last=False)
+    fit = problem.result()
+    assert fit.chi2 < 1e-2
+    assert fit.values[0][0] == pytest.approx(0.3, abs=1e-3)
+    assert asked < 30

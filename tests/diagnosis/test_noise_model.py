@@ -52,6 +52,19 @@ def test_whitening_is_linear_and_zero_where_nothing_counts(make_plain_run) -> No
     assert both[0][segments.counts].all()
 
 
+@pytest.mark.parametrize("poles", [(0.0, 0.0), (0.7, 0.1)])
+def test_columns_are_whitened_one_by_one(make_plain_run, poles) -> None:
+    segments = cut([make_plain_run(np.zeros(60))], 0.3, 0.1)
+    model = NoiseModel(np.array([0.5, 2.0]), np.array([poles, (0.4, 0.0)]))
+    columns = np.random.default_rng(0).normal(size=(*segments.counts.shape, 2, 3))
+    white = model.whiten_columns(segments, columns)
+    for number in range(3):
+        np.testing.assert_allclose(white[..., number], model.whiten(segments, columns[..., number]))
+    assert model.whiten_columns(segments, columns[..., :0]).shape == (*white.shape[:2], 0)
+    columns[0, 5, 1, 0] = np.nan
+    assert np.isfinite(model.whiten_columns(segments, columns)).all()
+
+
 def test_behind_a_missing_row_a_value_is_only_scaled(make_plain_run) -> None:
     recorded = np.ones(30, dtype=bool)
     recorded[10] = False

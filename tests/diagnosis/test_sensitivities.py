@@ -5,6 +5,7 @@ import dataclasses
 import numpy as np
 import pytest
 
+from torch_activegp.diagnosis import sensitivities
 from torch_activegp.diagnosis.engine import Candidate
 from torch_activegp.diagnosis.linearize import linearize
 from torch_activegp.diagnosis.sensitivities import effect_columns, parameter_columns, remembered, unit_values
@@ -19,6 +20,8 @@ from torch_activegp.diagnosis.sensitivities import effect_columns, parameter_col
         ("actuator_lag", "actuator:drive", 2e-3),
         ("sensor_gain", "sensor:hip", 1e-3),
         ("payload_mass", "body:rod", 1e-3),
+        ("center_of_mass_offset", "body:rod", 1e-3),
+        ("gravity_error", "world", 1e-2),
     ],
 )
 def test_columns_are_what_a_simulation_changes_by(clean, name, target, size) -> None:
@@ -28,6 +31,32 @@ def test_columns_are_what_a_simulation_changes_by(clean, name, target, size) -> 
     column = effect_columns(clean.shooting, clean.nominal, wanted, linear, remembered(wanted, clean.shooting))
     simulated = clean.predict(Candidate((effect,), (values,))) - clean.predict(clean.nominal.candidate)
     assert np.abs(column[..., 0] - simulated).max() < 0.06 * np.abs(simulated).max()
+
+
+def test_changes_of_inertia_want_no_simulation(clean, monkeypatch) -> None:
+    """Unless they act on a joint that nobody recorded, too."""
+    wanted = [(clean.effect("payload_mass", "body:rod"), np.array([1e-3]))]
+    linear = linearize(clean.shooting, clean.nominal)
+    work = clean.shooting.work
+    column = effect_columns(clean.shooting, clean.nominal, wanted, linear, {})
+    assert clean.shooting.work == work
+    monkeypatch.setattr(sensitivities, "_changes", lambda shooting, wanted: [None] * len(wanted))
+    simulated = effect_columns(clean.shooting, clean.nominal, wanted, linear, {})
+    assert clean.shooting.work > work
+    assert np.abs(column - simulated).max() < 0.03 * np.abs(simulated).max()
+    monkeypatch.undo()
+    blind = dataclasses.replace(clean.shooting.engine.channels, dof=np.zeros(0, dtype=np.int64))
+    monkeypatch.setattr(clean.shooting.engine, "channels", blind)
+    assert sensitivities._changes(clean.shooting, wanted) == [None]
+
+
+def test_what_controls_become_is_the_same_one_by_one(clean) -> None:
+    effects = [clean.effect("actuator_lag", "actuator:drive"), clean.effect("actuator_delay", "actuator:drive")]
+    wanted = [(effect, seed) for effect in effects for seed in effect.seeds[:3]]
+    together = remembered(wanted, clean.shooting)
+    assert list(together) == [*range(6)]
+    for number, one in enumerate(wanted):
+        np.testing.assert_allclose(together[number], remembered([one], clean.shooting)[0], atol=1e-12)
 
 
 def test_only_effects_on_actuators_change_controls(clean) -> None:

@@ -200,6 +200,7 @@ class Problem:
         if self._design is None:
             self._design = by.by_states(white)
             self._age, self._stale = 0, False
+            self._brake = np.ones_like(self._brake)
         given = {} if self._still else self._given
         self._columns, self._taken = by.by_parameters(white, given), self._trial
         if given:
@@ -245,7 +246,7 @@ class Problem:
         assert self._best is not None
         bad = (per_segment > self._best.per_segment + _LITTLE) & (self._brake > _STOPPED)
         if 0 < bad.sum() < 0.5 * len(bad) and not last:
-            self._brake[bad] *= 0.1
+            self._brake[bad] *= 0.3
             self._propose()
             return
         if self._age and not last:

@@ -50,10 +50,22 @@ class NoiseModel:
         Returns:
             ``(..., S, (K + 1) * C)``.
         """
-        out = residual / self.scale
-        if self.colour.any():
-            first, second = self.colour.T
-            fresh = self.scale / self.innovation
+        return self._whitened(segments, residual, self.scale, self.colour)
+
+    def whiten_columns(self, segments: Segments, columns: Array) -> Array:
+        """The same for derivatives by A parameters, ``(S, K + 1, C, A)``: ``(S, (K + 1) * C, A)``; NaN becomes zero."""
+        *shape, channels, count = columns.shape
+        each = columns.reshape(*shape, channels * count)
+        scale, colour = np.repeat(self.scale, count), np.repeat(self.colour, count, axis=0)
+        white = self._whitened(segments, each, scale, colour).reshape(shape[0], shape[1] * channels, count)
+        return np.nan_to_num(white, copy=False)
+
+    def _whitened(self, segments: Segments, residual: Array, scale: Array, colour: Array) -> Array:
+        """:meth:`whiten` with scale ``(C,)`` and colour ``(C, 2)`` of each channel."""
+        out = residual / scale
+        if colour.any():
+            first, second = colour.T
+            fresh = scale / dataclasses.replace(self, scale=scale, colour=colour).innovation
             inner = out[..., 2:, :] - first * out[..., 1:-1, :] - second * out[..., :-2, :]
             usable = (segments.counts[:, 2:] & segments.counts[:, 1:-1] & segments.counts[:, :-2])[..., None]
             out = np.concatenate([out[..., :2, :], np.where(usable, inner * fresh, out[..., 2:, :])], axis=-2)

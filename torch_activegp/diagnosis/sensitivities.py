@@ -8,6 +8,7 @@ import numpy as np
 
 from torch_activegp.diagnosis.engine import Candidate
 from torch_activegp.diagnosis.fit import Fit
+from torch_activegp.diagnosis.inertial_forces import Change, change, inertial_forces
 from torch_activegp.diagnosis.linearize import Linearization
 from torch_activegp.diagnosis.runs import Array
 from torch_activegp.diagnosis.shooting import Shooting
@@ -64,6 +65,11 @@ def effect_columns(
     if controlled:
         chosen = [(wanted[i][0], memory[i]) for i in controlled]
         out[..., controlled] = _control_columns(chosen, linear, shooting)
+    known = _changes(shooting, [wanted[i] for i in simulated])
+    loads = {i: one for i, one in zip(simulated, known, strict=True) if one is not None}
+    if loads:
+        out[..., list(loads)] = linear.respond(linear.force @ _inertial(shooting, linear, list(loads.values())))
+    simulated = [i for i in simulated if i not in loads]
     if simulated:
         base = fit.candidate
         more = [Candidate((*base.effects, wanted[i][0]), (*base.values, wanted[i][1])) for i in simulated]
@@ -71,6 +77,27 @@ def effect_columns(
         predicted, _ = shooting.differences.predict(shooting.segments, starts, [base, *more])
         out[..., simulated] = np.moveaxis(predicted[1:] - predicted[0], 0, -1)
     return out
+
+
+def _changes(shooting: Shooting, wanted: Sequence[tuple[Effect, Array]]) -> list[Change | None]:
+    """What each of some effects changes of inertia or gravity, where that is all, and what it does is seen."""
+    channels, model = shooting.engine.channels, shooting.engine.model
+    seen = {*channels.dof.tolist(), *(channels.prescribed.dof.tolist() if channels.prescribed is not None else [])}
+    if model.nq != model.nv or len(seen) < model.nv:
+        return [None] * len(wanted)
+    return [change(model, effect, values) for effect, values in wanted]
+
+
+def _inertial(shooting: Shooting, linear: Linearization, changes: Sequence[Change]) -> Array:
+    """The forces of changes of inertia on the recorded joints in the middle of every interval, ``(S, K, C, A)``."""
+    model, states = shooting.engine.model, np.nan_to_num(linear.states)
+    middle = 0.5 * (states[:, 1:] + states[:, :-1])
+    faster = np.diff(states[..., model.nq :], axis=1) / shooting.segments.dt[..., None]
+    position, velocity, acceleration = (
+        some.reshape(-1, model.nv) for some in (middle[..., : model.nq], middle[..., model.nq :], faster)
+    )
+    forces = inertial_forces(model, position, velocity, acceleration, changes)
+    return forces[:, shooting.engine.channels.dof].reshape(*middle.shape[:2], -1, len(changes))
 
 
 def _law(
@@ -118,17 +145,23 @@ def remembered(wanted: Sequence[tuple[Effect, Array]], shooting: Shooting) -> di
     behind = fine[None].copy()
     for own in filters:
         own.apply(behind, steps)
-    out = {}
+    out: dict[int, Array] = {}
+    numbers: dict[ActuatorEffect, list[int]] = {}
     for i, (effect, values) in enumerate(wanted):
         if isinstance(effect, ActuatorEffect):
-            changed = effect.control(fine[None].copy(), steps, values[None])
-            assert changed is not None
-            for own in filters:
-                if own.lag.index == effect.index:
-                    own.apply(changed, steps)
-            out[i] = (changed - behind)[0][..., effect.index].reshape(len(runs), length, substeps).mean(-1)
+            numbers.setdefault(effect, []).append(i)
         elif isinstance(effect, Hysteresis):
             out[i] = effect.path(smooth[..., channel[effect.dof]], values)
+    for effect, members in numbers.items():
+        changed = effect.control(
+            np.repeat(fine[None], len(members), axis=0), steps, np.stack([wanted[i][1] for i in members])
+        )
+        assert changed is not None
+        for own in filters:
+            if own.lag.index == effect.index:
+                own.apply(changed, steps)
+        more = (changed - behind)[..., effect.index].reshape(len(members), len(runs), length, substeps).mean(-1)
+        out |= dict(zip(members, more, strict=True))
     return out
 
 

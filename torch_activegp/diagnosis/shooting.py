@@ -70,8 +70,7 @@ class Shooting:
 
     def whiten_columns(self, columns: Array) -> Array:
         """Derivatives of the positions ``(S, K + 1, C, A)`` in units of white noise, ``(S, M, A)``."""
-        moved = self.noise.whiten(self.segments, np.moveaxis(columns, -1, 0))
-        return np.nan_to_num(moved.transpose(1, 2, 0))
+        return self.noise.whiten_columns(self.segments, columns)
 
     def pick(self, which: NDArray[np.int64] | NDArray[np.bool_]) -> Shooting:
         """The same likelihood over some of the segments."""
