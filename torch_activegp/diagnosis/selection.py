@@ -44,8 +44,8 @@ _CHEAP = 60
 _COMPANY = 40
 _ROUNDS = 10
 _PATIENCE = 30e6
-"""Cases that end right compute a few million time steps for a search, and 18 million at most. What no effect on the list
-explains would compute ever more."""
+"""Cases that end right compute a few million time steps for a search, and 18 million at most. What no effect on the
+list explains would compute ever more."""
 _MORE = 20.0
 
 
