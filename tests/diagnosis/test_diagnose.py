@@ -11,7 +11,9 @@ import pytest
 
 from torch_activegp.data.balls import balls_model, load_balls
 from torch_activegp.diagnosis import diagnose
-from torch_activegp.diagnosis.diagnose import _given_up, _remainder
+from torch_activegp.diagnosis.compared import Selection
+from torch_activegp.diagnosis.diagnose import _remainder, _rivals
+from torch_activegp.diagnosis.score import Score
 from torch_activegp.errors import ConfigurationError, DataError
 from torch_activegp.physics import Parameter, Place
 from torch_activegp.physics.friction import write_sharp
@@ -192,17 +194,18 @@ def test_what_cannot_be_diagnosed_is_refused(bench, record) -> None:
         diagnose("missing.xml", [record()])
 
 
-def test_no_reported_rival_fits_worse_than_a_part_of_itself(diagnosed, bench) -> None:
-    """A race gives some sets up before they fit; beside what did, their figures would contradict each other."""
-    rivals = diagnosed("viscous").to_dict()["rivals"]
-    sets = [({(e["name"], e["target"]) for e in rival["effects"]}, rival["chi2_per_dof"]) for rival in rivals]
-    assert not any(other < own and chi2 < its - 1e-3 for own, its in sets for other, chi2 in sets)
-    part, whole = bench.fit("viscous_friction", 0.05), bench.fit("viscous_friction", 0.05)
-    both = (*whole.effects, bench.effect("linear_spring"))
-    short = dataclasses.replace(whole, effects=both, chi2=part.chi2 + 1.0)
-    ended = dataclasses.replace(short, chi2=part.chi2 - 1.0)
-    rivals = [(fit, 0.0, 0.5) for fit in (part, short)]
-    assert [_given_up(fit, rivals) for fit in (part, short, ended)] == [False, True, False]
+@pytest.mark.parametrize(("worse", "shown"), [(5.0, 2), (-5.0, 3)])
+def test_a_rival_that_was_given_up_in_a_race_is_not_reported(bench, worse, shown) -> None:
+    """It fits worse than a part of itself; beside what was fitted, its figures would contradict them."""
+    part = bench.fit("viscous_friction", 0.05)
+    both = (*part.effects, bench.effect("linear_spring")), (*part.values, np.zeros(1))
+    whole = dataclasses.replace(part, effects=both[0], values=both[1], chi2=part.chi2 + worse)
+    fits = [part, whole, bench.nominal]
+    selection = Selection(bench.nominal, fits, Score(bench.shooting.samples, 10, 1.0))
+    explanation = SimpleNamespace(shooting=bench.shooting, selection=selection)
+    rivals = _rivals(explanation, SimpleNamespace(rivals=[(fit, float(i), 0.3) for i, fit in enumerate(fits)]))
+    assert len(rivals) == shown
+    assert [rival["delta_bic"] for rival in rivals][-1] == 2.0
 
 
 def test_what_a_prescribed_joint_carries_is_explained(double, tmp_path) -> None:

@@ -234,7 +234,8 @@ def _retuned(explanation: Explanation, judgement: Judgement) -> list[dict[str, A
 
 def _rivals(explanation: Explanation, judgement: Judgement) -> list[dict[str, Any]]:
     dof = explanation.shooting.dof
-    ended = [rival for rival in judgement.rivals if not _given_up(rival[0], judgement.rivals)]
+    within = explanation.selection.within  # a set that was given up in a race fits worse than a part of itself
+    ended = [rival for rival in judgement.rivals if within(rival[0]) is None]
     shown = [rival for i, rival in enumerate(ended) if i < _SHOWN or not rival[0].effects]
     return [
         {
@@ -245,11 +246,6 @@ def _rivals(explanation: Explanation, judgement: Judgement) -> list[dict[str, An
         }
         for fit, distance, weight in shown
     ]
-
-
-def _given_up(fit: Fit, rivals: Sequence[tuple[Fit, float, float]]) -> bool:
-    """Whether a set fits worse than a part of itself: a race ended before it did, and its figures say nothing."""
-    return any(set(other.effects) < set(fit.effects) and other.chi2 < fit.chi2 for other, _, _ in rivals)
 
 
 def _recordings(machine: Machine) -> list[dict[str, Any]]:

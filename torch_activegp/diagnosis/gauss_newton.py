@@ -15,11 +15,10 @@ from torch_activegp.diagnosis.runs import Array
 from torch_activegp.physics.effect import Effect
 
 _FIRST_DAMPING = 1e-6
-_MUCH = 0.02
-_LITTLE = 0.05
+_MUCH, _LITTLE = 0.02, 0.05
 _HOPE = 0.01
 SETTLE = 4
-_STOPPED = 0.02
+_SHORTER, _STOPPED = 0.3, 0.02
 _STALE = 2
 """Steps with old derivatives by the states, before new ones where the last step still changed much."""
 _ALONE, _SHARE = 1.0, 1e-3
@@ -182,7 +181,7 @@ class Problem:
         fell = float((old - level).sum())
         self._best = Point(self._trial, starts, level)
         self._linear = eliminate(self._design, self._columns, np.nan_to_num(self._raw))
-        self._brake = np.where(better, np.minimum(2.0 * self._brake, 1.0), 0.3 * self._brake)
+        self._brake = np.where(better, np.minimum(2.0 * self._brake, 1.0), _SHORTER * self._brake)
         self._age += 1
         big = fell > _MUCH * self.chi2
         self.finished = last or (fell < 1e-4 * self.chi2 + _LITTLE and bool((self._brake < 0.05)[~better].all()))
@@ -246,7 +245,7 @@ class Problem:
         assert self._best is not None
         bad = (per_segment > self._best.per_segment + _LITTLE) & (self._brake > _STOPPED)
         if 0 < bad.sum() < 0.5 * len(bad) and not last:
-            self._brake[bad] *= 0.3
+            self._brake[bad] *= _SHORTER
             self._propose()
             return
         if self._age and not last:

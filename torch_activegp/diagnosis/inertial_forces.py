@@ -122,8 +122,8 @@ def _moving(
     out = {}
     for b, body in enumerate(bodies):
         linear, angular = (np.einsum("nwx,nwv->nxv", frames[b], some) for some in jacobians[b])
-        speed, change = moving[b]
-        out[body] = _Motion(linear, angular, speed[:, :3], change[:, :3], change[:, 3:])
+        speed, faster = moving[b]
+        out[body] = _Motion(linear, angular, speed[:, :3], faster[:, :3], faster[:, 3:])
     return out, center
 
 

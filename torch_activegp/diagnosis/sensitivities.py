@@ -146,16 +146,15 @@ def remembered(wanted: Sequence[tuple[Effect, Array]], shooting: Shooting) -> di
     for own in filters:
         own.apply(behind, steps)
     out: dict[int, Array] = {}
-    numbers: dict[ActuatorEffect, list[int]] = {}
+    seeds: dict[ActuatorEffect, list[int]] = {}
     for i, (effect, values) in enumerate(wanted):
         if isinstance(effect, ActuatorEffect):
-            numbers.setdefault(effect, []).append(i)
+            seeds.setdefault(effect, []).append(i)
         elif isinstance(effect, Hysteresis):
             out[i] = effect.path(smooth[..., channel[effect.dof]], values)
-    for effect, members in numbers.items():
-        changed = effect.control(
-            np.repeat(fine[None], len(members), axis=0), steps, np.stack([wanted[i][1] for i in members])
-        )
+    for effect, members in seeds.items():
+        values = np.stack([wanted[i][1] for i in members])
+        changed = effect.control(np.repeat(fine[None], len(members), axis=0), steps, values)
         assert changed is not None
         for own in filters:
             if own.lag.index == effect.index:
