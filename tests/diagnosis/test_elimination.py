@@ -64,11 +64,25 @@ def test_the_inverse_does_not_depend_on_units() -> None:
 
 def test_a_step_stops_at_the_bound_and_the_others_make_up_for_it() -> None:
     normal, gradient = np.array([[2.0, 1.0], [1.0, 2.0]]), np.array([-3.0, 3.0])
-    at, low, high = np.array([0.0, 0.0]), np.array([0.0, -9.0]), np.array([9.0, 9.0])
-    free = bounded_step(normal, gradient, 0.0, at, low - 9.0, high)
+    at, low, high, little = np.array([0.0, 0.0]), np.array([0.0, -9.0]), np.array([9.0, 9.0]), np.ones(2)
+    free = bounded_step(normal, gradient, 0.0, at, low - 9.0, high, little)
     np.testing.assert_allclose(free, np.linalg.solve(normal, gradient))
-    np.testing.assert_allclose(bounded_step(normal, gradient, 0.0, at, low, high), [0.0, 1.5])
-    np.testing.assert_allclose(bounded_step(normal, gradient, 1.0, at, low, high), [0.0, 0.75])
+    np.testing.assert_allclose(bounded_step(normal, gradient, 0.0, at, low, high, little), [0.0, 1.5])
+    np.testing.assert_allclose(bounded_step(normal, gradient, 1.0, at, low, high, little), [0.0, 0.75])
+
+
+def test_a_step_is_the_same_in_all_units() -> None:
+    """A stop's stiffness in N/m, next to its position in m."""
+    normal, gradient = np.array([[2.0, 1.0], [1.0, 2.0]]), np.array([-3.0, 3.0])
+    units = np.array([1e-6, 1e7])
+    far = np.full(2, np.inf)
+    step = bounded_step(normal * np.outer(units, units), gradient * units, 0.1, np.zeros(2), -far, far, 0.1 / units)
+    np.testing.assert_allclose(step * units, bounded_step(normal, gradient, 0.1, np.zeros(2), -far, far, np.ones(2)))
+
+
+def test_a_parameter_that_shows_nowhere_stays() -> None:
+    normal, gradient, far = np.diag([2.0, 1e-24]), np.array([1.0, 1e-12]), np.full(2, np.inf)
+    np.testing.assert_allclose(bounded_step(normal, gradient, 0.0, np.zeros(2), -far, far, np.ones(2)), [0.5, 0.0])
 
 
 def test_a_step_gains_what_it_promises_and_braked_states_less() -> None:

@@ -6,7 +6,7 @@ import mujoco
 import numpy as np
 import pytest
 
-from torch_activegp.diagnosis.inertial_forces import change, inertial_forces
+from torch_activegp.diagnosis.inertial_forces import change, inertial_forces, with_effects
 from torch_activegp.physics.effect import Effect, Place
 from torch_activegp.physics.inertia import ArmatureError, CenterOfMassOffset, GravityError
 from torch_activegp.physics.payload import DensityError, PayloadAside, PayloadMass
@@ -78,8 +78,16 @@ def test_what_does_more_is_left_to_simulations(arm: mujoco.MjModel) -> None:
         def steady(self, force, rows, values) -> None:
             force[rows, 0] += 1.0
 
+    class Reading(PayloadMass):
+        def measure(self, read, values):
+            return 0, read(0, np.zeros(len(values)))
+
+    class Driving(PayloadMass):
+        def control(self, control, dt, values):
+            return control
+
     place = Place("body:tip", arm.body("tip").id)
-    for kind in (Held, Pushing):
+    for kind in (Held, Pushing, Reading, Driving):
         assert change(arm, kind.at(place, arm), np.array([0.1])) is None
     rotor = ArmatureError.at(Place("joint:yaw", 0), arm)
     assert change(arm, rotor, np.array([0.1])) is None
@@ -87,3 +95,26 @@ def test_what_does_more_is_left_to_simulations(arm: mujoco.MjModel) -> None:
     floating.body_gravcomp[2] = 1.0
     assert change(floating, PayloadMass.at(place, arm), np.array([0.1])) is None
     assert change(arm, PayloadMass.at(place, arm), np.array([0.1])) is not None
+
+
+def test_a_machine_that_does_not_fall_feels_no_other_gravity(arm: mujoco.MjModel) -> None:
+    floating = copy.copy(arm)
+    floating.opt.disableflags |= int(mujoco.mjtDisableBit.mjDSBL_GRAVITY)
+    tilted = change(floating, GravityError.along(0), np.array([1.0]))
+    assert tilted is not None
+    for model, falls in ((arm, True), (floating, False)):
+        force = inertial_forces(model, *np.full((3, 1, arm.nv), 0.3), [tilted])
+        assert bool(force.any()) == falls
+
+
+def test_changes_come_on_top_of_what_is_known_already(arm: mujoco.MjModel) -> None:
+    """Twice the mass weighs twice as much on a planet with twice the gravity."""
+    place = Place("body:tip", arm.body("tip").id)
+    heavy = with_effects(arm, [DensityError.at(place, arm)], [np.array([0.7])])
+    assert heavy.body_mass[place.index] == pytest.approx(1.4)
+    assert heavy.body_subtreemass[0] == pytest.approx(arm.body_subtreemass[0] + 0.7)
+    shift = CenterOfMassOffset.along(place, 0.1, 1), np.array([0.05])
+    pose = np.full((3, 1, arm.nv), 0.3)
+    alone, loaded = (inertial_forces(model, *pose, [change(model, *shift)]) for model in (arm, heavy))
+    np.testing.assert_allclose(loaded, 2.0 * alone, rtol=0.1)
+    assert arm.body_mass[place.index] == pytest.approx(0.7)

@@ -98,3 +98,12 @@ def test_gains_on_a_part_are_told_as_on_all_data(screened) -> None:
     (gain, values), (more, same) = screened.together(one), twice.together(two)
     assert more == pytest.approx(2.0 * gain)
     np.testing.assert_allclose(np.concatenate(same), np.concatenate(values))
+
+
+def test_what_moves_nothing_gains_nothing(bench) -> None:
+    """A centre of mass that moves along the axis of its joint: its column is rounding errors."""
+    fit = bench.fit("viscous_friction", 0.05)
+    along = next(e for e in bench.effects if e.name == "center_of_mass_offset" and e.variant == "y")
+    for base in (bench.nominal, fit):
+        (atom,) = screen(bench.shooting, base, [along]).atoms
+        assert atom.gain == 0.0

@@ -34,20 +34,33 @@ def test_columns_are_what_a_simulation_changes_by(clean, name, target, size) -> 
 
 
 def test_changes_of_inertia_want_no_simulation(clean, monkeypatch) -> None:
-    """Unless they act on a joint that nobody recorded, too."""
     wanted = [(clean.effect("payload_mass", "body:rod"), np.array([1e-3]))]
     linear = linearize(clean.shooting, clean.nominal)
     work = clean.shooting.work
     column = effect_columns(clean.shooting, clean.nominal, wanted, linear, {})
     assert clean.shooting.work == work
-    monkeypatch.setattr(sensitivities, "_changes", lambda shooting, wanted: [None] * len(wanted))
+    monkeypatch.setattr(sensitivities, "_all_seen", lambda shooting: False)
     simulated = effect_columns(clean.shooting, clean.nominal, wanted, linear, {})
     assert clean.shooting.work > work
     assert np.abs(column - simulated).max() < 0.03 * np.abs(simulated).max()
     monkeypatch.undo()
     blind = dataclasses.replace(clean.shooting.engine.channels, dof=np.zeros(0, dtype=np.int64))
     monkeypatch.setattr(clean.shooting.engine, "channels", blind)
-    assert sensitivities._changes(clean.shooting, wanted) == [None]
+    assert not sensitivities._all_seen(clean.shooting)
+
+
+@pytest.mark.parametrize(("name", "target"), [("center_of_mass_offset", "body:rod"), ("gravity_error", "world")])
+def test_changes_of_inertia_come_on_top_of_what_is_fitted(clean, monkeypatch, name, target) -> None:
+    """A load that is known already is shifted and falls too."""
+    load = clean.effect("payload_mass", "body:rod")
+    held = Candidate((load,), (np.array([1.5]),))
+    fit = dataclasses.replace(clean.nominal, effects=held.effects, values=held.values)
+    wanted = [(clean.effect(name, target), np.array([1e-3]))]
+    linear = linearize(clean.shooting, fit)
+    column = effect_columns(clean.shooting, fit, wanted, linear, {})
+    monkeypatch.setattr(sensitivities, "_all_seen", lambda shooting: False)
+    simulated = effect_columns(clean.shooting, fit, wanted, linear, {})
+    assert np.abs(column - simulated).max() < 0.1 * np.abs(simulated).max()
 
 
 def test_what_controls_become_is_the_same_one_by_one(clean) -> None:

@@ -9,6 +9,9 @@ import numpy as np
 
 from torch_activegp.diagnosis.runs import Array
 
+UNSEEN = 1e-9
+"""What changes chi2 by less is rounding errors."""
+
 
 @dataclasses.dataclass(frozen=True)
 class Eliminated:
@@ -72,8 +75,13 @@ def wald(amplitudes: Array, covariance: Array) -> float:
     return float(amplitudes @ np.linalg.pinv(covariance) @ amplitudes)
 
 
-def bounded_step(normal: Array, gradient: Array, damping: float, at: Array, low: Array, high: Array) -> Array:
+def bounded_step(
+    normal: Array, gradient: Array, damping: float, at: Array, low: Array, high: Array, little: Array
+) -> Array:
     """The step of Levenberg and Marquardt within bounds: a parameter that would leave its bounds stays there.
+
+    So does one that shows nowhere. The matrix is solved in units of its own diagonal: a stop's stiffness in N/m next to
+    its position in m would drown in rounding errors.
 
     Args:
         normal: ``(P, P)``.
@@ -82,15 +90,16 @@ def bounded_step(normal: Array, gradient: Array, damping: float, at: Array, low:
         at: where the parameters are, ``(P,)``.
         low: their least values, ``(P,)``.
         high: their largest, ``(P,)``.
+        little: a small change of each, ``(P,)``.
     """
-    free = np.ones(len(at), dtype=bool)
+    free = np.diag(normal) * little**2 > UNSEEN
     delta = np.zeros(len(at))
     for _ in range(3):
         delta = np.zeros(len(at))
-        matrix = normal[np.ix_(free, free)]
-        weight = damping * np.diag(matrix) + 1e-300
         if free.any():
-            delta[free] = np.linalg.lstsq(matrix + np.diag(weight), gradient[free], rcond=1e-12)[0]
+            scale = np.sqrt(np.diag(normal)[free])
+            matrix = normal[np.ix_(free, free)] / np.outer(scale, scale) + damping * np.eye(free.sum())
+            delta[free] = np.linalg.lstsq(matrix, gradient[free] / scale, rcond=1e-12)[0] / scale
         wanted = at + delta
         stuck = free & (((wanted < low) & (at <= low)) | ((wanted > high) & (at >= high)))
         if not stuck.any():

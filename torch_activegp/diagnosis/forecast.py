@@ -89,8 +89,8 @@ def free_run(
     starts, chi2 = _followed(engine, runs, noise, candidates, [_FIRST])
     lost = np.flatnonzero((chi2 > _LOST * whole.samples).any(axis=1))
     doublings = math.ceil(math.log2(max(max(float(run.time[-1]) for run in runs) / _FIRST, 1.0)))
-    lengths = [_FIRST * 2.0**n for n in range(doublings)]  # the whole comes in the end
-    if lost.size and len(lengths) > 1:
+    lengths = [_FIRST * 2.0**n for n in range(1, doublings)]  # the whole comes in the end
+    if lost.size and lengths:
         others, other = _followed(engine, runs, noise, [candidates[int(i)] for i in lost], lengths)
         starts[lost] = np.where((other < chi2[lost])[..., None], others, starts[lost])
     predicted, _ = engine.predict(whole, starts, candidates)

@@ -9,7 +9,7 @@ import numpy as np
 from torch_activegp.diagnosis.differences import Differences
 from torch_activegp.diagnosis.elimination import Eliminated, bounded_step, eliminate
 from torch_activegp.diagnosis.engine import Candidate
-from torch_activegp.diagnosis.fit import Fit, bounds, inside, split
+from torch_activegp.diagnosis.fit import Fit, bounds, difference_steps, inside, split
 from torch_activegp.diagnosis.point import FAILED, Likelihood, Point, total
 from torch_activegp.diagnosis.runs import Array
 from torch_activegp.physics.effect import Effect
@@ -190,7 +190,6 @@ class Problem:
         if misled or (big and self._age > _STALE):
             self._trial_starts = starts
             self._design = self._columns = None
-            self._brake[:] = 1.0
             self.finished = False
         elif not self.finished:
             self._propose()
@@ -272,7 +271,8 @@ class Problem:
         delta = np.zeros(len(flat))
         if not self._still:
             normal, gradient = eliminated.normal.sum(0), eliminated.gradient.sum(0)
-            delta = bounded_step(normal, gradient, self._damping, flat, self._low, self._high)
+            little = difference_steps(self.effects, flat)
+            delta = bounded_step(normal, gradient, self._damping, flat, self._low, self._high, little)
         shift = eliminated.states(delta[: eliminated.normal.shape[-1]], self._reach)
         self._predicted = eliminated.gain(delta[: eliminated.normal.shape[-1]], self._brake)
         if self._predicted < _LITTLE + 1e-5 * self.chi2:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import copy
 from collections.abc import Sequence
 from typing import NamedTuple
 
@@ -30,7 +31,15 @@ class Change(NamedTuple):
 
 
 class _Motion(NamedTuple):
-    """How one body moves at N instants, in its own frame; accelerations are those that a load feels."""
+    """How one body moves at N instants, in its own frame.
+
+    Args:
+        linear: Jacobian of its origin, ``(N, 3, nv)``.
+        angular: Jacobian of its turning, ``(N, 3, nv)``.
+        turning: angular velocity, rad/s, ``(N, 3)``.
+        spinning: angular acceleration, rad/s2, ``(N, 3)``.
+        rising: acceleration of its origin less gravity, as a load feels it, m/s2, ``(N, 3)``.
+    """
 
     linear: Array
     angular: Array
@@ -39,15 +48,26 @@ class _Motion(NamedTuple):
     rising: Array
 
 
+def with_effects(model: mujoco.MjModel, effects: Sequence[Effect], values: Sequence[Array]) -> mujoco.MjModel:
+    """A copy of a model into which effects are written, each with values ``(P,)``, as far as they change it."""
+    edited = copy.copy(model)
+    for effect, its in zip(effects, values, strict=True):
+        effect.edit(
+            lambda name: np.asarray(_field(edited, name))[None], np.array([0]), np.asarray(its, dtype=float)[None]
+        )
+    mujoco.mj_setConst(edited, mujoco.MjData(edited))
+    return edited
+
+
 def change(model: mujoco.MjModel, effect: Effect, values: Array) -> Change | None:
     """What an effect with values ``(P,)`` changes; None where it does anything but change inertia or gravity."""
-    if effect.needs_steps or type(effect).steady is not Effect.steady or model.body_gravcomp.any():
+    more = any(getattr(type(effect), hook) is not getattr(Effect, hook) for hook in ("steady", "control", "measure"))
+    if effect.needs_steps or more or model.body_gravcomp.any():
         return None
     fields: dict[str, Array] = {}
 
     def field(name: str) -> Array:
-        value = getattr(model.opt, name[4:]) if name.startswith("opt.") else getattr(model, name)
-        return fields.setdefault(name, np.array(value)[None])
+        return fields.setdefault(name, np.array(_field(model, name))[None])
 
     effect.edit(field, np.array([0]), np.asarray(values, dtype=float)[None])
     if not fields or not set(fields) <= {*_INERTIAL, _FOLLOWING, _GRAVITY}:
@@ -74,16 +94,18 @@ def inertial_forces(
 
     Args:
         model: the machine.
-        position: at N instants, ``(N, nq)``.
-        velocity: ``(N, nv)``.
-        acceleration: ``(N, nv)``.
+        position: at N instants, rad or m, ``(N, nq)``.
+        velocity: rad/s or m/s, ``(N, nv)``.
+        acceleration: rad/s2 or m/s2, ``(N, nv)``.
         changes: A of them.
 
     Returns:
         N m or N, ``(N, nv, A)``.
     """
     bodies = sorted({body for one in changes for body in one.bodies})
-    motions, center = _moving(model, position, velocity, acceleration, bodies)
+    weighs = not model.opt.disableflags & int(mujoco.mjtDisableBit.mjDSBL_GRAVITY)
+    falls = weighs and any(one.gravity.any() for one in changes)
+    motions, center = _moving(model, (position, velocity, acceleration), bodies, falls)
     out = np.zeros((len(position), model.nv, len(changes)))
     weight = float(model.body_subtreemass[0])
     for i, one in enumerate(changes):
@@ -92,15 +114,21 @@ def inertial_forces(
             force = mass * rising + np.cross(spinning, moment) + np.cross(turning, np.cross(turning, moment))
             torque = spinning @ inertia + np.cross(turning, turning @ inertia) + np.cross(moment, rising)
             out[..., i] -= np.einsum("nxv,nx->nv", linear, force) + np.einsum("nxv,nx->nv", angular, torque)
-        if one.gravity.any():
+        if falls and one.gravity.any():
             out[..., i] += weight * np.einsum("nxv,x->nv", center, one.gravity)
     return out
 
 
+def _field(model: mujoco.MjModel, name: str) -> Array | float:
+    """A field of a model by the name that a batch has for it."""
+    return getattr(model.opt, name[4:]) if name.startswith("opt.") else getattr(model, name)
+
+
 def _moving(
-    model: mujoco.MjModel, position: Array, velocity: Array, acceleration: Array, bodies: Sequence[int]
+    model: mujoco.MjModel, along: tuple[Array, Array, Array], bodies: Sequence[int], falls: bool
 ) -> tuple[dict[int, _Motion], Array]:
-    """Motion of some bodies, and the Jacobian of the whole machine's centre of mass, ``(N, 3, nv)``."""
+    """Motion of some bodies, and, where asked, the Jacobian of the whole machine's centre of mass, ``(N, 3, nv)``."""
+    position, velocity, acceleration = along
     count, nv, kind = len(position), model.nv, mujoco.mjtObj.mjOBJ_XBODY
     jacobians = np.zeros((len(bodies), 2, count, 3, nv))
     frames = np.zeros((len(bodies), count, 3, 3))
@@ -113,7 +141,8 @@ def _moving(
         mujoco.mj_comPos(model, data)
         mujoco.mj_comVel(model, data)
         mujoco.mj_rnePostConstraint(model, data)
-        mujoco.mj_jacSubtreeCom(model, data, center[n], 0)
+        if falls:
+            mujoco.mj_jacSubtreeCom(model, data, center[n], 0)
         for b, body in enumerate(bodies):
             mujoco.mj_jacBody(model, data, jacobians[b, 0, n], jacobians[b, 1, n], body)
             mujoco.mj_objectVelocity(model, data, kind, body, moving[b, 0, n], 1)

@@ -110,6 +110,7 @@ class _Part:
         self.kept, self._design, self._columns = kept, fit.design, columns
         self._reach = shooting.state_reach()
         self._low, self._high = bounds(fit.effects)
+        self._little = difference_steps(fit.effects, self.values)
         self._length = 1.0
         self._accept(residual, _chi2(residual))
 
@@ -138,7 +139,7 @@ class _Part:
         linear, kept = self._linear, self.kept
         normal, gradient = linear.normal[kept].sum(0), linear.gradient[kept].sum(0)
         hold = _HOLD * np.diag(np.diag(linear.normal.sum(0)))
-        delta = bounded_step(normal + hold, gradient, 0.0, self.values, self._low, self._high)
+        delta = bounded_step(normal + hold, gradient, 0.0, self.values, self._low, self._high, self._little)
         shift = self._follow[:, None] * linear.states(delta, self._reach)
         gain = 2 * gradient @ delta - delta @ normal @ delta
         settled = (np.einsum("smn,sm->sn", linear.basis, linear.residual) ** 2).sum() < _UNSETTLED / self._length

@@ -8,7 +8,7 @@ from collections.abc import Iterable, Iterator, Mapping, Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from torch_activegp.diagnosis.elimination import eliminate, invert, wald
+from torch_activegp.diagnosis.elimination import UNSEEN, eliminate, invert, wald
 from torch_activegp.diagnosis.fit import Fit
 from torch_activegp.diagnosis.linearize import Linearization, linearize
 from torch_activegp.diagnosis.runs import Array
@@ -110,9 +110,10 @@ class Screen:
 def screen(shooting: Shooting, fit: Fit, effects: Sequence[Effect]) -> Screen:
     """Tests every effect at every seed on top of a fit.
 
-    Force laws and what happens to controls are read off the linearisation around the fit's trajectories; only effects
-    that change masses or gravity are simulated. Their columns are made for some segments at a time, so that a machine
-    with many joints and a long recording needs little more memory than another.
+    Force laws, changes of inertia and what happens to controls are read off the linearisation around the fit's
+    trajectories; simulated is only what acts in steps, or on inertia where not every joint is seen. Columns are made
+    for some segments at a time, so that a machine with many joints and a long recording needs little more memory than
+    another.
 
     Args:
         shooting: the likelihood.
@@ -209,12 +210,14 @@ def _project(states: Array, columns: Array, residual: Array) -> tuple[Array, Arr
 
 
 def _without(count: int, normal: Array, gradient: Array) -> tuple[Array, Array]:
-    """Normal equations after the first parameters, those that are fitted already, are projected out too."""
-    if not count:
-        return normal, gradient
-    inverse = np.linalg.pinv(normal[:count, :count], rcond=1e-10)
-    along = normal[count:, :count] @ inverse
-    return normal[count:, count:] - along @ normal[:count, count:], gradient[count:] - along @ gradient[:count]
+    """Normal equations after the first parameters, those that are fitted already, are projected out too.
+
+    What shows nowhere, or is what they do, has zeros: its rounding errors would be taken for something.
+    """
+    along = normal[count:, :count] @ invert(normal[:count, :count])
+    rest, pull = normal[count:, count:] - along @ normal[:count, count:], gradient[count:] - along @ gradient[:count]
+    seen = np.diag(rest) > np.maximum(UNSEEN, UNSEEN * np.diag(normal)[count:])
+    return np.where(seen[:, None] & seen, rest, 0.0), np.where(seen, pull, 0.0)
 
 
 def _gain(normal: Array, gradient: Array) -> tuple[float, Array]:

@@ -4,11 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 
+import mujoco
 import numpy as np
 
 from torch_activegp.diagnosis.engine import Candidate
 from torch_activegp.diagnosis.fit import Fit
-from torch_activegp.diagnosis.inertial_forces import Change, change, inertial_forces
+from torch_activegp.diagnosis.inertial_forces import Change, change, inertial_forces, with_effects
 from torch_activegp.diagnosis.linearize import Linearization
 from torch_activegp.diagnosis.runs import Array
 from torch_activegp.diagnosis.shooting import Shooting
@@ -17,6 +18,9 @@ from torch_activegp.physics.effect import Effect
 from torch_activegp.physics.joint import JointEffect
 from torch_activegp.physics.play import Hysteresis
 from torch_activegp.physics.sensing import SensorEffect
+
+_MOST_BYTES = 30_000_000
+"""Of controls that are changed side by side."""
 
 
 def units_of(effect: Effect, seed: Array) -> Array:
@@ -65,11 +69,12 @@ def effect_columns(
     if controlled:
         chosen = [(wanted[i][0], memory[i]) for i in controlled]
         out[..., controlled] = _control_columns(chosen, linear, shooting)
-    known = _changes(shooting, [wanted[i] for i in simulated])
-    loads = {i: one for i, one in zip(simulated, known, strict=True) if one is not None}
-    if loads:
-        out[..., list(loads)] = linear.respond(linear.force @ _inertial(shooting, linear, list(loads.values())))
-    simulated = [i for i in simulated if i not in loads]
+    if simulated and _all_seen(shooting):
+        model = with_effects(shooting.engine.model, fit.effects, fit.values)
+        loads = {i: one for i in simulated if (one := change(model, *wanted[i])) is not None}
+        felt = _inertial(model, shooting, linear, list(loads.values()))
+        out[..., list(loads)] = linear.respond(linear.force @ felt)
+        simulated = [i for i in simulated if i not in loads]
     if simulated:
         base = fit.candidate
         more = [Candidate((*base.effects, wanted[i][0]), (*base.values, wanted[i][1])) for i in simulated]
@@ -79,18 +84,16 @@ def effect_columns(
     return out
 
 
-def _changes(shooting: Shooting, wanted: Sequence[tuple[Effect, Array]]) -> list[Change | None]:
-    """What each of some effects changes of inertia or gravity, where that is all, and what it does is seen."""
-    channels, model = shooting.engine.channels, shooting.engine.model
+def _all_seen(shooting: Shooting) -> bool:
+    """Whether forces between rows tell all that a change of inertia does: every joint is seen, in every time step."""
+    channels, model, stride = shooting.engine.channels, shooting.engine.model, shooting.differences.stride
     seen = {*channels.dof.tolist(), *(channels.prescribed.dof.tolist() if channels.prescribed is not None else [])}
-    if model.nq != model.nv or len(seen) < model.nv:
-        return [None] * len(wanted)
-    return [change(model, effect, values) for effect, values in wanted]
+    return bool(model.nq == model.nv == len(seen) and stride == 1)
 
 
-def _inertial(shooting: Shooting, linear: Linearization, changes: Sequence[Change]) -> Array:
+def _inertial(model: mujoco.MjModel, shooting: Shooting, linear: Linearization, changes: Sequence[Change]) -> Array:
     """The forces of changes of inertia on the recorded joints in the middle of every interval, ``(S, K, C, A)``."""
-    model, states = shooting.engine.model, np.nan_to_num(linear.states)
+    states = np.nan_to_num(linear.states)
     middle = 0.5 * (states[:, 1:] + states[:, :-1])
     faster = np.diff(states[..., model.nq :], axis=1) / shooting.segments.dt[..., None]
     position, velocity, acceleration = (
@@ -152,15 +155,16 @@ def remembered(wanted: Sequence[tuple[Effect, Array]], shooting: Shooting) -> di
             seeds.setdefault(effect, []).append(i)
         elif isinstance(effect, Hysteresis):
             out[i] = effect.path(smooth[..., channel[effect.dof]], values)
-    for effect, members in seeds.items():
+    most = max(int(_MOST_BYTES // fine.nbytes), 1)
+    parts = [(effect, every[i : i + most]) for effect, every in seeds.items() for i in range(0, len(every), most)]
+    for effect, members in parts:
         values = np.stack([wanted[i][1] for i in members])
         changed = effect.control(np.repeat(fine[None], len(members), axis=0), steps, values)
         assert changed is not None
-        for own in filters:
-            if own.lag.index == effect.index:
-                own.apply(changed, steps)
-        more = (changed - behind)[..., effect.index].reshape(len(members), len(runs), length, substeps).mean(-1)
-        out |= dict(zip(members, more, strict=True))
+        for own in (own for own in filters if own.lag.index == effect.index):
+            own.apply(changed, steps)
+        more = changed[..., effect.index] - behind[..., effect.index]
+        out |= dict(zip(members, more.reshape(len(members), len(runs), length, substeps).mean(-1), strict=True))
     return out
 
 
