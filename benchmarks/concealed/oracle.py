@@ -74,7 +74,7 @@ class Case:
         shooting = Shooting(engine, self.segments, self.noise)
         held = shooting.fit(sets, engine.starts(self.segments), hold=True)
         near = min(held, key=lambda fit: fit.chi2)
-        return shooting.fit([(near.effects, near.values)], near.starts, design=near.design)[0]
+        return shooting.fit([(near.effects, near.values)], near.starts, near=near)[0]
 
     def dof(self, engine: Engine) -> int:
         """Samples less initial states."""

@@ -155,7 +155,7 @@ def remembered(wanted: Sequence[tuple[Effect, Array]], shooting: Shooting) -> di
             seeds.setdefault(effect, []).append(i)
         elif isinstance(effect, Hysteresis):
             out[i] = effect.path(smooth[..., channel[effect.dof]], values)
-    most = max(int(_MOST_BYTES // fine.nbytes), 1)
+    most = max(_MOST_BYTES // max(fine.nbytes, 1), 1)
     parts = [(effect, every[i : i + most]) for effect, every in seeds.items() for i in range(0, len(every), most)]
     for effect, members in parts:
         values = np.stack([wanted[i][1] for i in members])
