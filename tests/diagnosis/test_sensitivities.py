@@ -72,6 +72,12 @@ def test_what_controls_become_is_the_same_one_by_one(clean) -> None:
         np.testing.assert_allclose(together[number], remembered([one], clean.shooting)[0], atol=1e-12)
 
 
+def test_a_machine_without_controls_remembers_nothing(clean) -> None:
+    runs = tuple(dataclasses.replace(run, control=run.control[:, :0]) for run in clean.segments.runs)
+    segments = dataclasses.replace(clean.segments, runs=runs)
+    assert remembered([], dataclasses.replace(clean.shooting, segments=segments)) == {}
+
+
 def test_only_effects_on_actuators_change_controls(clean) -> None:
     effects = clean.effect("viscous_friction"), clean.effect("actuator_bias", "actuator:drive")
     wanted = [(effect, np.ones(1)) for effect in effects]
