@@ -112,7 +112,8 @@ def _nominal(bench, recording: Recording) -> tuple[Shooting, Fit]:
 
 
 def test_friction_that_another_simulator_softens_is_fitted_in_its_own_form(bench) -> None:
-    shooting, nominal = _nominal(bench, _recorded(bench.xml.replace('name="hip"', 'name="hip" frictionloss="0.3"')))
+    softened = bench.xml.replace('name="hip"', 'name="hip" frictionloss="0.3"')
+    shooting, nominal = _nominal(bench, _recorded(softened, rows=401))
     dry = [effect for effect in bench.effects if effect.key == ("coulomb_friction", "joint:hip")]
     chosen = select(shooting, [*dry, bench.effect("viscous_friction")], nominal)
     assert chosen.best.keys == {dry[0].key}
@@ -121,7 +122,7 @@ def test_friction_that_another_simulator_softens_is_fitted_in_its_own_form(bench
     firm = [
         fit for fit in chosen.fits if [effect.variant for effect in fit.effects] == [""] and fit.keys == {dry[0].key}
     ]
-    assert min(fit.chi2 for fit in firm) > chosen.best.chi2 + 10
+    assert min(fit.chi2 for fit in firm) > chosen.best.chi2 + 25
 
 
 def test_a_mass_anywhere_along_its_body_is_one_name_where_two_others_would_do(bench) -> None:

@@ -62,10 +62,16 @@ class Eliminated:
         return np.linalg.solve(normal, np.einsum("sij,si->sj", self.triangle, right)[..., None])[..., 0]
 
 
+def scaled(normal: Array) -> tuple[Array, Array]:
+    """A normal matrix ``(P, P)`` with ones on its diagonal, and what its columns were divided by, ``(P,)``."""
+    scale = np.sqrt(np.maximum(np.diag(normal), 1e-300))
+    return normal / np.outer(scale, scale), scale
+
+
 def invert(normal: Array, rcond: float = 1e-10) -> Array:
     """Inverse of a normal matrix ``(P, P)`` in any units; directions that nothing sees are left out."""
-    scale = np.sqrt(np.maximum(np.diag(normal), 1e-300))
-    return np.asarray(np.linalg.pinv(normal / np.outer(scale, scale), rcond=rcond) / np.outer(scale, scale))
+    matrix, scale = scaled(normal)
+    return np.asarray(np.linalg.pinv(matrix, rcond=rcond) / np.outer(scale, scale))
 
 
 def wald(amplitudes: Array, covariance: Array) -> float:
@@ -97,9 +103,9 @@ def bounded_step(
     for _ in range(3):
         delta = np.zeros(len(at))
         if free.any():
-            scale = np.sqrt(np.diag(normal)[free])
-            matrix = normal[np.ix_(free, free)] / np.outer(scale, scale) + damping * np.eye(free.sum())
-            delta[free] = np.linalg.lstsq(matrix, gradient[free] / scale, rcond=1e-12)[0] / scale
+            matrix, scale = scaled(normal[np.ix_(free, free)])
+            damped = matrix + damping * np.eye(len(scale))
+            delta[free] = np.linalg.lstsq(damped, gradient[free] / scale, rcond=1e-12)[0] / scale
         wanted = at + delta
         stuck = free & (((wanted < low) & (at <= low)) | ((wanted > high) & (at >= high)))
         if not stuck.any():

@@ -23,7 +23,7 @@ from torch_activegp.diagnosis.runs import Array, Channels, Run, median_step
 from torch_activegp.diagnosis.segments import Segments
 from torch_activegp.diagnosis.stepping import Act, Stepping
 from torch_activegp.errors import ConfigurationError
-from torch_activegp.physics.effect import Effect, Index
+from torch_activegp.physics.effect import Effect, Index, field_of
 from torch_activegp.simulators.mujoco_warnings import warnings_to
 
 _logger = logging.getLogger(__name__)
@@ -272,8 +272,7 @@ class _Fields:
 
     def restore(self, model: mujoco.MjModel) -> None:
         for name in list(self.batch._expanded):
-            value = getattr(model.opt, name[4:]) if name.startswith("opt.") else getattr(model, name)
-            self.batch.expand(name)[...] = value
+            self.batch.expand(name)[...] = field_of(model, name)
 
 
 def _padded(columns: Sequence[Array], channels: Channels, address: int) -> Array | None:

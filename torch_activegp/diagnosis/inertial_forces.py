@@ -10,7 +10,7 @@ import mujoco
 import numpy as np
 
 from torch_activegp.diagnosis.runs import Array
-from torch_activegp.physics.effect import Effect
+from torch_activegp.physics.effect import Effect, field_of
 
 _INERTIAL = ("body_mass", "body_ipos", "body_inertia", "body_iquat")
 _FOLLOWING = "body_simple"
@@ -53,7 +53,7 @@ def with_effects(model: mujoco.MjModel, effects: Sequence[Effect], values: Seque
     edited = copy.copy(model)
     for effect, its in zip(effects, values, strict=True):
         effect.edit(
-            lambda name: np.asarray(_field(edited, name))[None], np.array([0]), np.asarray(its, dtype=float)[None]
+            lambda name: np.asarray(field_of(edited, name))[None], np.array([0]), np.asarray(its, dtype=float)[None]
         )
     mujoco.mj_setConst(edited, mujoco.MjData(edited))
     return edited
@@ -67,7 +67,7 @@ def change(model: mujoco.MjModel, effect: Effect, values: Array) -> Change | Non
     fields: dict[str, Array] = {}
 
     def field(name: str) -> Array:
-        return fields.setdefault(name, np.array(_field(model, name))[None])
+        return fields.setdefault(name, np.array(field_of(model, name))[None])
 
     effect.edit(field, np.array([0]), np.asarray(values, dtype=float)[None])
     if not fields or not set(fields) <= {*_INERTIAL, _FOLLOWING, _GRAVITY}:
@@ -117,11 +117,6 @@ def inertial_forces(
         if falls and one.gravity.any():
             out[..., i] += weight * np.einsum("nxv,x->nv", center, one.gravity)
     return out
-
-
-def _field(model: mujoco.MjModel, name: str) -> Array | float:
-    """A field of a model by the name that a batch has for it."""
-    return getattr(model.opt, name[4:]) if name.startswith("opt.") else getattr(model, name)
 
 
 def _moving(

@@ -9,7 +9,7 @@ import numpy as np
 from scipy import stats
 
 from torch_activegp.diagnosis.compared import Selection, fitted
-from torch_activegp.diagnosis.elimination import eliminate
+from torch_activegp.diagnosis.elimination import eliminate, scaled
 from torch_activegp.diagnosis.fit import Fit
 from torch_activegp.diagnosis.merging import TWO_SIDED, push
 from torch_activegp.diagnosis.reference import free_force_columns
@@ -78,8 +78,8 @@ def omnibus(shooting: Shooting, fit: Fit) -> Omnibus:
     linear = eliminate(shooting.whiten_columns(states), shooting.whiten_columns(forces), clean)
     gain, count = 0.0, 0
     for normal, gradient in zip(linear.normal, linear.gradient, strict=True):
-        scale = np.sqrt(np.maximum(np.diag(normal), 1e-300))
-        value, vector = np.linalg.eigh(normal / np.outer(scale, scale))
+        matrix, scale = scaled(normal)
+        value, vector = np.linalg.eigh(matrix)
         seen = value > 1e-8
         gain += float((((vector.T @ (gradient / scale)) ** 2)[seen] / value[seen]).sum())
         count += int(seen.sum())

@@ -8,7 +8,7 @@ from collections.abc import Iterable, Iterator, Mapping, Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from torch_activegp.diagnosis.elimination import UNSEEN, eliminate, invert, wald
+from torch_activegp.diagnosis.elimination import UNSEEN, eliminate, invert, scaled, wald
 from torch_activegp.diagnosis.fit import Fit
 from torch_activegp.diagnosis.linearize import Linearization, linearize
 from torch_activegp.diagnosis.runs import Array
@@ -94,7 +94,7 @@ class Screen:
         kept: list[Atom] = []
         for atom in atoms:
             index = _columns_of([*kept, atom])
-            matrix, _ = _scaled(self.normal[np.ix_(index, index)])
+            matrix, _ = scaled(self.normal[np.ix_(index, index)])
             if np.linalg.eigvalsh(matrix)[0] > _SAME:
                 kept.append(atom)
         return kept
@@ -222,18 +222,12 @@ def _without(count: int, normal: Array, gradient: Array) -> tuple[Array, Array]:
 
 def _gain(normal: Array, gradient: Array) -> tuple[float, Array]:
     """Decrease of chi2 by some columns and their amplitudes; directions that nothing can see give none."""
-    matrix, scale = _scaled(normal)
+    matrix, scale = scaled(normal)
     value, vector = np.linalg.eigh(matrix)
     seen = value > _SAME
     projected = vector.T @ (gradient / scale)
     weights = np.where(seen, projected / np.where(seen, value, 1.0), 0.0)
     return float(projected @ weights), (vector @ weights) / scale
-
-
-def _scaled(normal: Array) -> tuple[Array, Array]:
-    """A normal matrix with ones on its diagonal, and what its columns were divided by."""
-    scale = np.sqrt(np.maximum(np.diag(normal), 1e-300))
-    return normal / np.outer(scale, scale), scale
 
 
 def _columns_of(atoms: Sequence[Atom]) -> NDArray[np.int64]:

@@ -4,12 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 
-import mujoco
 import numpy as np
 
 from torch_activegp.diagnosis.engine import Candidate
 from torch_activegp.diagnosis.fit import Fit
-from torch_activegp.diagnosis.inertial_forces import Change, change, inertial_forces, with_effects
+from torch_activegp.diagnosis.inertial_forces import change, inertial_forces, with_effects
 from torch_activegp.diagnosis.linearize import Linearization
 from torch_activegp.diagnosis.runs import Array
 from torch_activegp.diagnosis.shooting import Shooting
@@ -69,12 +68,9 @@ def effect_columns(
     if controlled:
         chosen = [(wanted[i][0], memory[i]) for i in controlled]
         out[..., controlled] = _control_columns(chosen, linear, shooting)
-    if simulated and _all_seen(shooting):
-        model = with_effects(shooting.engine.model, fit.effects, fit.values)
-        loads = {i: one for i in simulated if (one := change(model, *wanted[i])) is not None}
-        felt = _inertial(model, shooting, linear, list(loads.values()))
-        out[..., list(loads)] = linear.respond(linear.force @ felt)
-        simulated = [i for i in simulated if i not in loads]
+    loads, columns = _inertial_columns(shooting, fit, {i: wanted[i] for i in simulated}, linear)
+    out[..., loads] = columns
+    simulated = [i for i in simulated if i not in loads]
     if simulated:
         base = fit.candidate
         more = [Candidate((*base.effects, wanted[i][0]), (*base.values, wanted[i][1])) for i in simulated]
@@ -91,16 +87,29 @@ def _all_seen(shooting: Shooting) -> bool:
     return bool(model.nq == model.nv == len(seen) and stride == 1)
 
 
-def _inertial(model: mujoco.MjModel, shooting: Shooting, linear: Linearization, changes: Sequence[Change]) -> Array:
-    """The forces of changes of inertia on the recorded joints in the middle of every interval, ``(S, K, C, A)``."""
+def _inertial_columns(
+    shooting: Shooting, fit: Fit, wanted: Mapping[int, tuple[Effect, Array]], linear: Linearization
+) -> tuple[list[int], Array]:
+    """What changes of inertia or gravity on top of a fit do, as forces in the middle of every interval.
+
+    Returns:
+        The numbers of those effects that are no more than that, where it is seen, and their columns,
+        ``(S, K + 1, C, A)``.
+    """
+    model = with_effects(shooting.engine.model, fit.effects, fit.values) if wanted and _all_seen(shooting) else None
+    found = {i: change(model, *pair) for i, pair in wanted.items()} if model is not None else {}
+    changes = {i: one for i, one in found.items() if one is not None}
+    if model is None or not changes:
+        return [], np.zeros((*linear.states.shape[:2], len(linear.positions), 0))
     states = np.nan_to_num(linear.states)
     middle = 0.5 * (states[:, 1:] + states[:, :-1])
     faster = np.diff(states[..., model.nq :], axis=1) / shooting.segments.dt[..., None]
     position, velocity, acceleration = (
         some.reshape(-1, model.nv) for some in (middle[..., : model.nq], middle[..., model.nq :], faster)
     )
-    forces = inertial_forces(model, position, velocity, acceleration, changes)
-    return forces[:, shooting.engine.channels.dof].reshape(*middle.shape[:2], -1, len(changes))
+    forces = inertial_forces(model, position, velocity, acceleration, list(changes.values()))
+    felt = forces[:, shooting.engine.channels.dof].reshape(*middle.shape[:2], -1, len(changes))
+    return list(changes), linear.respond(linear.force @ felt)
 
 
 def _law(

@@ -263,6 +263,11 @@ class Place:
         return self.target.partition(":")[2]
 
 
+def field_of(model: mujoco.MjModel, name: str) -> Any:
+    """A field of a model by the name that :meth:`Effect.edit` has for it, such as ``body_mass`` or ``opt.gravity``."""
+    return getattr(model.opt, name[4:]) if name.startswith("opt.") else getattr(model, name)
+
+
 def add_rotor(field: Callable[[str], Array], rows: Index, dof: int, inertia: Array) -> None:
     """Adds to the inertia of a rotor in some simulations.
 
