@@ -29,6 +29,7 @@ from torch_activegp.diagnosis.proposal import propose
 from torch_activegp.diagnosis.remainder import Outcome, model_remainder
 from torch_activegp.diagnosis.result import Diagnosis, NamedEffect
 from torch_activegp.diagnosis.runs import Array, input_addresses, median_step
+from torch_activegp.diagnosis.selection import Depth
 from torch_activegp.diagnosis.source import Source, read_source
 from torch_activegp.diagnosis.verdict import Verdict, decide
 from torch_activegp.diagnosis.words import sentence
@@ -40,8 +41,8 @@ _WORTH_LEARNING = 0.03
 """A remainder of a smaller part of the mismatch is not modelled."""
 
 _CUT_SHORT = (
-    "The search for effects ended when it had computed 80 million time steps. Further ones on top of those found, "
-    "or others in their place, were not all tried."
+    f"The search for effects ended when it had computed {Depth().work / 1e6:g} million time steps. Further ones on top "
+    "of those found, or others in their place, were not all tried."
 )
 
 Tell = Callable[[str, float | None], None]
