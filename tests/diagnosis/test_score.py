@@ -44,3 +44,12 @@ def test_a_runaway_nominal_does_not_make_all_else_small(bench) -> None:
     assert left.price([effect]) == pytest.approx(1000 / 3)
     assert dataclasses.replace(left, mismatch=1e7).price([effect]) == pytest.approx(1000 / 3)
     assert dataclasses.replace(left, mismatch=5e5).price([effect]) == pytest.approx(0.006 * 5e5 / 50)
+
+
+@pytest.mark.parametrize(("scale", "more"), [(1.4, 0.0), (1.6, 20.0)])
+def test_every_name_must_be_surer_where_what_is_left_may_be_a_colour_that_nobody_sees(bench, scale, more) -> None:
+    effects = [bench.effect("cubic_spring"), bench.effect("viscous_friction")]
+    seen = Score(samples=1000, names=30, scale=scale)
+    unseen = dataclasses.replace(seen, hides_colour=True)
+    assert unseen.price(effects) == pytest.approx(seen.price(effects) + 2 * more)
+    assert unseen.cheapest == pytest.approx(seen.cheapest + more)

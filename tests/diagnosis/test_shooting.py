@@ -17,6 +17,12 @@ def test_the_noise_alone_is_left_where_the_model_is_right(clean) -> None:
     assert clean.nominal.per_segment.sum() == pytest.approx(clean.nominal.chi2)
 
 
+@pytest.mark.parametrize(("rate", "hidden"), [(70.0, False), (60.0, True)])
+def test_below_67_hz_nobody_sees_a_filter(clean, rate: float, hidden: bool) -> None:
+    segments = dataclasses.replace(clean.segments, dt=np.full_like(clean.segments.dt, 1.0 / rate))
+    assert dataclasses.replace(clean.shooting, segments=segments).hides_colour is hidden
+
+
 def test_a_fit_finds_the_parameter_from_afar(bench) -> None:
     fit = bench.fit("viscous_friction", 1.0)
     assert fit.values[0][0] == pytest.approx(bench.viscous, rel=0.05)

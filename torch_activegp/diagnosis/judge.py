@@ -45,7 +45,6 @@ VISIBLE = 0.3
 """A mismatch without any name must be this large a part of the noise: floors are known no better."""
 VISIBLE_IN_COLOUR = 1.5
 """The same where the noise is coloured."""
-UNSEEN = 1 / 67
 VISIBLE_UNSEEN = 5.0
 """The same for recordings below 67 Hz: whether an encoder filters its noise cannot be seen there, and behind a filter
 of one pole at 0.7 fourth differences show a fifth of the variance."""
@@ -171,16 +170,16 @@ def judge(shooting: Shooting, selection: Selection) -> Judgement:
 
 def _may_be_coloured(shooting: Shooting) -> bool:
     """Whether what is left may be the noise's own colour: it is seen, or would not be; not that of videos."""
-    slow = float(np.median(shooting.segments.dt)) > UNSEEN
-    return bool(shooting.noise.colour.any() or slow) and not any(run.video for run in shooting.segments.runs)
+    return bool(shooting.noise.colour.any() or shooting.hides_colour) and not any(
+        run.video for run in shooting.segments.runs
+    )
 
 
 def _visible(shooting: Shooting, left: Omnibus) -> bool:
     """Whether a mismatch without a name is large enough to be believed."""
     least = VISIBLE_IN_COLOUR if shooting.noise.colour.any() else VISIBLE
-    step = float(np.median(shooting.segments.dt))
-    if step > UNSEEN:
-        least = VISIBLE_WHEN_SLOW if step > SLOW else max(least, VISIBLE_UNSEEN)
+    if shooting.hides_colour:
+        least = VISIBLE_WHEN_SLOW if float(np.median(shooting.segments.dt)) > SLOW else max(least, VISIBLE_UNSEEN)
     return left.p_value < SURE and left.excess > least * shooting.dof
 
 

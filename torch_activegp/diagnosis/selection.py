@@ -88,7 +88,8 @@ def select(
     depth = depth or Depth()
     depth = depth._replace(work=shooting.work + depth.work)
     names = len({effect.key for effect in effects})
-    selection = Selection(nominal, [nominal], Score(shooting.samples, names, 1.0, free=free))
+    score = Score(shooting.samples, names, 1.0, free=free, hides_colour=shooting.hides_colour)
+    selection = Selection(nominal, [nominal], score)
     if sets:
         states = nominal.starts if starts is None else starts
         selection.add(shooting.fit(sets, states, near=nominal))

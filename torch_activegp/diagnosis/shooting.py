@@ -19,6 +19,7 @@ from torch_activegp.physics.effect import Effect
 
 ROUNDS = 30
 """Simulations of a fit at most, one after the other; where joints stick and slip, 20 ended half-way."""
+_COLOUR_UNSEEN = 1 / 67
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
@@ -58,6 +59,11 @@ class Shooting:
     def dof(self) -> int:
         """Samples less the free initial states."""
         return max(self.samples - self.segments.size * 2 * len(self.engine.channels.joints), 1)
+
+    @property
+    def hides_colour(self) -> bool:
+        """Whether rows are too far apart (recordings below 67 Hz) to see if an encoder filters its noise."""
+        return float(np.median(self.segments.dt)) > _COLOUR_UNSEEN
 
     def residuals(self, predicted: Array) -> Array:
         """Whitened residuals ``(..., S, M)`` of predicted positions ``(..., S, K + 1, C)``."""
