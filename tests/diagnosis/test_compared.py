@@ -82,6 +82,25 @@ def test_few_names_may_explain_as_much_as_many(bench, found) -> None:
     assert not Selection(bench.nominal, [bench.nominal], found.score).needs_more_than(2)
 
 
+@pytest.mark.parametrize(("size", "chi2", "expected"), [(1, -1.0, True), (1, 1.0, False), (2, -1.0, False)])
+def test_a_set_is_dominated_by_a_smaller_one_that_fits_better(bench, size, chi2, expected) -> None:
+    wet = bench.fit("viscous_friction", 0.05)
+    pair = (bench.effect("viscous_friction"), bench.effect("constant_force"))
+    best = dataclasses.replace(wet, effects=pair, values=(np.ones(1), np.zeros(1)), chi2=wet.chi2)
+    small = dataclasses.replace(wet, effects=wet.effects, values=(np.ones(size),), chi2=wet.chi2 + chi2)
+    assert Selection(bench.nominal, [bench.nominal, best, small], _First(best)).dominated is expected
+
+
+class _First:
+    """A score by which one fit is the best."""
+
+    def __init__(self, fit) -> None:
+        self.fit = fit
+
+    def __call__(self, fit) -> float:
+        return float(fit is not self.fit)
+
+
 def test_what_got_stuck_is_fitted_once_more_from_what_it_contains(bench, found, monkeypatch) -> None:
     """Friction that sticks, far from its level, ends anywhere; no set hides behind the smaller one that it holds."""
     wet, spring = bench.effect("viscous_friction"), bench.effect("cubic_spring")

@@ -140,3 +140,20 @@ def test_a_segment_that_overshot_once_does_not_creep_for_ever(bench) -> None:
     assert fit.chi2 < 1e-2
     assert fit.values[0][0] == pytest.approx(0.3, abs=1e-3)
     assert asked < 30
+
+
+def test_a_step_that_makes_one_segment_worse_is_tried_again_there_alone(bench) -> None:
+    fit = bench.fit("viscous_friction", 0.05)
+    problem = Problem(bench.shooting, fit.effects, (np.array([0.02]),), fit.starts)
+    for _ in range(2):
+        candidates, states = problem.ask()
+        assert problem.only is None
+        white = bench.shooting.residuals_from(states, candidates)
+        if len(candidates) == 1:
+            white[0, 3] = 1e6
+        problem.tell(white, last=False)
+    np.testing.assert_array_equal(np.flatnonzero(problem.only), [3])
+    _, again = problem.ask()
+    np.testing.assert_array_equal(np.delete(again, 3, 1), np.delete(states, 3, 1))
+    assert not np.array_equal(again[0, 3], states[0, 3])
+    np.testing.assert_array_equal(problem.others, white[0])

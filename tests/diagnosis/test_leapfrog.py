@@ -53,16 +53,25 @@ def test_where_nothing_damps_nothing_is_changed(clean) -> None:
         assert name == "dof_damping", name
         return np.zeros((3, 1))
 
-    halve_damping(damped(clean, 'name="hip"'), field, 3, 0.01)
+    halve_damping(damped(clean, 'name="hip"'), field, 3, np.full(3, 0.01))
 
 
 def test_the_inertia_stays_positive_behind_a_stiff_damper(clean) -> None:
     model = damped(clean, 'name="hip" damping="1000"')
     fields = {name: np.tile(getattr(model, name), (2, 1)) for name in ("dof_damping", "dof_armature", "dof_M0")}
-    halve_damping(model, fields.__getitem__, 1, 0.01)
+    halve_damping(model, fields.__getitem__, 1, np.full(1, 0.01))
     least = 1.0 / model.dof_invweight0[0]
     np.testing.assert_allclose(fields["dof_armature"][:, 0], [-0.5 * least, 0.0])
     np.testing.assert_allclose(fields["dof_M0"][:, 0], model.dof_M0[0] + fields["dof_armature"][:, 0])
+
+
+def test_each_simulation_is_damped_by_its_own_steps(clean) -> None:
+    model = damped(clean)
+    fields = {name: np.tile(getattr(model, name), (2, 1)) for name in ("dof_damping", "dof_armature", "dof_M0")}
+    halve_damping(model, fields.__getitem__, 2, np.array([0.001, 0.002]))
+    added = fields["dof_armature"][:, 0] - model.dof_armature[0]
+    assert added[1] == pytest.approx(2.0 * added[0])
+    assert added[0] < 0.0
 
 
 def test_what_a_servo_damps(clean) -> None:

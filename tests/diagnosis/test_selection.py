@@ -55,6 +55,15 @@ def test_a_useless_set_to_begin_from_is_left_behind(bench) -> None:
     assert frozenset({load.key}) in {fit.keys for fit in chosen.fits}
 
 
+def test_a_fit_to_begin_from_is_taken_as_it_is(bench) -> None:
+    fit = bench.fit("viscous_friction", 0.05)
+    other = ((bench.effect("quadratic_drag"),), (np.array([0.01]),))
+    chosen = select(bench.shooting, [*fit.effects, *other[0]], bench.nominal, [(fit.effects, fit.values), other], fit)
+    assert chosen.fits[:2] == [bench.nominal, fit]
+    assert [each.effects for each in chosen.fits].count(fit.effects) == 1
+    assert other[0] in [each.effects for each in chosen.fits]
+
+
 def test_two_names_that_leave_most_are_no_end(bench) -> None:
     """As a part of the data may give them: nothing is added to them, and the search begins anew on all data."""
     astray = [bench.effect("payload_mass", "body:rod"), bench.effect("cubic_spring")]

@@ -7,7 +7,10 @@ import numpy as np
 import pytest
 
 from torch_activegp.diagnosis.engine import Candidate, Engine
+from torch_activegp.diagnosis.gauss_newton import Problem
 from torch_activegp.diagnosis.shooting import Shooting
+
+STOP = np.array([0.3, 20.0, 0.2])
 
 
 def test_the_noise_alone_is_left_where_the_model_is_right(clean) -> None:
@@ -198,3 +201,29 @@ def test_a_fit_may_end_in_any_round_and_never_gets_worse(sticking) -> None:
     assert all(np.diff([fit.chi2 for fit in fits]) <= 0.0)
     assert all(fit.information.shape == (3, 3) and fit.scores.shape[1] == 3 for fit in fits)
     assert all(fit.per_segment.sum() == pytest.approx(fit.chi2) for fit in fits)
+
+
+def test_what_is_tried_again_in_some_segments_is_simulated_there_alone(bench, monkeypatch) -> None:
+    """And the fit is the same as where everything is simulated."""
+    sets = [((bench.effect("coulomb_friction"),), (np.array([0.3]),)), ((bench.effect("joint_stop"),), (STOP,))]
+    asked: list[int] = []
+    predict = Engine.predict
+
+    def listen(self, segments, starts, candidates):
+        asked.append(segments.size)
+        return predict(self, segments, starts, candidates)
+
+    monkeypatch.setattr(Engine, "predict", listen)
+    partly = bench.shooting.fit(sets, bench.nominal.starts)
+    assert min(asked) < max(asked) == bench.segments.size
+    monkeypatch.setattr("torch_activegp.diagnosis.shooting.Problem", _AllAnew)
+    wholly = bench.shooting.fit(sets, bench.nominal.starts)
+    for one, other in zip(partly, wholly, strict=True):
+        assert one.chi2 == pytest.approx(other.chi2, rel=1e-9)
+        np.testing.assert_allclose(one.starts, other.starts, rtol=1e-6, atol=1e-9)
+
+
+class _AllAnew(Problem):
+    """Wants all segments simulated every time."""
+
+    only = property(lambda self: None, lambda self, which: None)

@@ -91,6 +91,13 @@ class Selection:
         few = min((fit.chi2 for fit in self.fits if fit.plausible and len(fit.effects) <= names), default=np.inf)
         return few - self.best.chi2 > _AS_MUCH * (self.nominal.chi2 - self.best.chi2)
 
+    @property
+    def dominated(self) -> bool:
+        """Whether a set of fewer effects and fewer parameters fits better than the best one."""
+        best = self.best
+        smaller = (fit for fit in self.fits if len(fit.effects) < len(best.effects) and fit.size < best.size)
+        return any(fit.chi2 < best.chi2 for fit in smaller if fit.plausible)
+
     def rescale(self, dof: int) -> None:
         """The noise is what the best fit leaves, and never less than the noise model says."""
         left = min(fit.chi2 / max(dof - fit.size, 1) for fit in self.fits if fit.plausible)

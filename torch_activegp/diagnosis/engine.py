@@ -177,7 +177,7 @@ class Engine:
         self.work += rows * (len(edges) - 1) * self.substeps * (4 if model.opt.integrator == RUNGE_KUTTA else 1)
         lengths = np.add.reduceat(segments.dt, edges[:-1], axis=1) / self.substeps
         if self.late:  # after the constants: they are those of the machine
-            halve_damping(self.model, fields, rows, float(np.median(lengths)))
+            halve_damping(self.model, fields, rows, np.tile(np.median(lengths, axis=1), count))
         steps = np.broadcast_to(lengths, (count, *lengths.shape)).reshape(rows, -1)
         acting = [*self._following(segments, lengths, starts[0]), *acting]
         states = np.empty((rows, intervals + 1, self.state_size))

@@ -78,13 +78,13 @@ Tell = Callable[[str], None]
 
 @dataclasses.dataclass(frozen=True)
 class _Start:
-    """What naming on all data begins from: numerics, likelihood, the nominal's fit, sets with their initial states."""
+    """What naming on all data begins from: numerics, likelihood, fits of the nominal and of a set, more sets."""
 
     engine: Engine
     shooting: Shooting
     nominal: Fit
     sets: Sets
-    starts: Array
+    first: Fit
     free: frozenset[tuple[str, str]]
 
 
@@ -117,7 +117,7 @@ def explain(
     def name() -> tuple[_Start, Selection]:
         start = keep.once("naming on a part of the data", begin)
         tell("naming on all data")
-        selection = select(start.shooting, effects, start.nominal, start.sets, start.starts, tell, start.free)
+        selection = select(start.shooting, effects, start.nominal, start.sets, start.first, tell, start.free)
         for number in range(_QUIETER):
             other = quieter(start.shooting, selection.best, noise, last=number == _QUIETER - 1)
             if other is None:
@@ -154,8 +154,9 @@ def _start(
         if chosen.best.effects and chosen.score.scale > NOISE_ALONE:
             sets, free = _leaders(chosen), chosen.score.free  # behind them another form may agree better
             engine, shooting, nominal, judged = numerics.choose(segments, noise, nominal, nominal, sets)
-            part, here, states = shooting.pick(which), nominal.pick(which), judged.starts[which]
-            chosen = select(part, effects, here, sets, states, tell, free, Depth(swaps=0))  # swaps come with all data
+            part, here, there = shooting.pick(which), nominal.pick(which), judged.pick(which)
+            seen = part.fit([(there.effects, there.values)], there.starts, near=there)[0]
+            chosen = select(part, effects, here, sets, seen, tell, free, Depth(swaps=0))  # swaps come with all data
         sets, free = _leaders(chosen), chosen.score.free
         halved = segments.size > _uncut(machine).size
         near = halved and bool(segments.far_off(nominal.per_segment, _FAR / 4).any())
@@ -165,7 +166,7 @@ def _start(
             segments, nominal = fewer
         if longer or frozenset(chosen.best.effects) != frozenset(judged.effects):
             engine, shooting, nominal, judged = numerics.choose(segments, noise, nominal, nominal, sets)
-    return _Start(engine, shooting, nominal, sets, judged.starts, free)
+    return _Start(engine, shooting, nominal, sets, judged, free)
 
 
 def _again(
@@ -184,8 +185,8 @@ def _again(
     if segments.far_off(nominal.per_segment * loud**2, _TOO_FAR).any():
         segments, nominal = _longest(machine, numerics, noise, _TOO_FAR)
     engine, shooting, nominal, judged = numerics.choose(segments, noise, nominal, nominal, sets)
-    quiet = _Start(engine, shooting, nominal, sets, judged.starts, selection.score.free)
-    return quiet, select(shooting, effects, nominal, sets, judged.starts, tell, quiet.free)
+    quiet = _Start(engine, shooting, nominal, sets, judged, selection.score.free)
+    return quiet, select(shooting, effects, nominal, sets, judged, tell, quiet.free)
 
 
 def _finish(
@@ -202,8 +203,7 @@ def _finish(
         if again is not engine:
             engine, shooting = again, other
             tell("naming with the numerics seen behind the effects")
-            seen = [(judged.effects, judged.values), *leaders]
-            selection = select(shooting, effects, bare, seen, judged.starts, tell, selection.score.free)
+            selection = select(shooting, effects, bare, leaders, judged, tell, selection.score.free)
     _polish(shooting, selection, effects)
     fine, firm = engine is not numerics.given, numerics.sticks(engine)
     return Explanation(engine, shooting, selection, tuple(effects), fine, firm)

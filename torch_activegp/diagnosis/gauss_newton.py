@@ -5,7 +5,9 @@ from __future__ import annotations
 import copy
 
 import numpy as np
+from numpy.typing import NDArray
 
+from torch_activegp.diagnosis.brakes import Brakes
 from torch_activegp.diagnosis.differences import Differences
 from torch_activegp.diagnosis.elimination import Eliminated, bounded_step, eliminate
 from torch_activegp.diagnosis.engine import Candidate
@@ -18,7 +20,6 @@ _FIRST_DAMPING = 1e-6
 _MUCH, _LITTLE = 0.02, 0.05
 _HOPE = 0.01
 SETTLE = 4
-_SHORTER, _STOPPED = 0.3, 0.02
 _STALE = 2
 """Steps with old derivatives by the states, before new ones where the last step still changed much."""
 _ALONE, _SHARE = 1.0, 1e-3
@@ -28,7 +29,8 @@ _ALONE, _SHARE = 1.0, 1e-3
 class Problem:
     """One set on its way to the optimum: Levenberg-Marquardt on the parameters, the states by projection.
 
-    Where the first guess is worse than the smaller set `below`, it begins from there instead.
+    Where the first guess is worse than the smaller set `below`, it begins from there instead. A trial that differs from
+    the one before in some segments alone says in which, `only`, ``(S,)``; `others` holds the residuals of the rest.
     Derivatives may come from a fit of another set near by; they are computed anew where they mislead. Its states too:
     segments that are far off in the beginning try the smoothed recording in their place.
     """
@@ -50,20 +52,21 @@ class Problem:
         self._design = None if near is None else near.design
         self._smooth = smooth
         self.effects = effects
-        self._trial = np.concatenate([np.asarray(v, dtype=float) for v in values]) if values else np.zeros(0)
-        self._trial_starts = starts.copy()
         self._low, self._high = bounds(effects)
-        self._trial = np.clip(self._trial, self._low, self._high)
+        self._trial = np.clip(np.concatenate([np.zeros(0), *values]), self._low, self._high)
+        self._trial_starts = starts.copy()
         self._damping = _FIRST_DAMPING
         self._best: Point | None = None
         self._hold = hold or not len(self._trial)
         self._settling = 0 if self._hold or self._design is None else SETTLE
         self._columns: Array | None = None
         self._reach = shooting.state_reach()
-        self._brake, self._raw, self._taken = np.ones(len(starts)), np.zeros(0), np.zeros(0)
+        self._brakes, self._raw, self._taken = Brakes(len(starts)), np.zeros(0), np.zeros(0)
         self._differences: Differences
         self._linear: Eliminated
         self.finished = self._known = self._begins_anew = False
+        self.only: NDArray[np.bool_] | None = None
+        self.others: Array
         self._kept: Problem | None = None
         self._predicted = 0.0
         self._stale = self._design is not None
@@ -100,14 +103,15 @@ class Problem:
 
     def tell(self, white: Array, last: bool) -> None:
         """Takes the whitened residuals of what was asked for and makes the next trial."""
+        self.only = None
         if self._known:
             white = np.concatenate([self._raw[None], white])
         residual = white[0].copy()  # a view would keep all of what was asked for
         per_segment = np.nan_to_num((residual**2).sum(-1), nan=FAILED, posinf=FAILED)
-        chi2 = total(per_segment)
-        if self._best is not None and len(white) == 1 and self._still:
+        alone = self._best is not None and len(white) == 1
+        if alone and self._still:
             self._each_for_itself(residual, per_segment, last)
-        elif self._best is not None and len(white) == 1 and self._columns is not None and not chi2 < self.chi2:
+        elif alone and self._columns is not None and not total(per_segment) < self.chi2:
             self._worse(residual, per_segment, last)
         else:
             if len(white) > 1 or self._columns is None:
@@ -139,7 +143,7 @@ class Problem:
             below, self._trial = self._below
             self._trial_starts, self._design = below.starts, below.design
             self._given = below.columns_of(self.effects, split(self.effects, self._trial))
-            self._best, self._below, self._brake[:] = None, None, 1.0
+            self._best, self._below, self._brakes = None, None, Brakes(len(self._trial_starts))
             return
         self._trial, self._trial_starts = self._best.flat, self._best.starts
         if len(self._given) == len(self._trial) and self._design is not None:
@@ -151,8 +155,7 @@ class Problem:
         """Takes a step that helped, or the point where the derivatives were taken."""
         old, chi2 = np.inf if self._best is None else self._best.chi2, total(per_segment)
         if chi2 <= old:
-            self._best = Point(self._trial, self._trial_starts, per_segment)
-            self._raw = residual
+            self._best, self._raw = Point(self._trial, self._trial_starts, per_segment), residual
         assert self._design is not None and self._columns is not None
         self._linear = eliminate(self._design, self._columns, np.nan_to_num(residual))
         fell = old - chi2
@@ -173,7 +176,7 @@ class Problem:
         assert self._best is not None and self._design is not None and self._columns is not None
         old = self._best.per_segment
         better = per_segment < old
-        promised = self._linear.promise[~better & (self._brake < 1.0)].sum()
+        promised = self._linear.promise[~better & self._brakes.on].sum()
         misled = self._stale and promised > _ALONE + 0.1 * _SHARE * self.chi2
         starts = np.where(better[:, None], self._trial_starts, self._best.starts)
         level = np.where(better, per_segment, old)
@@ -181,13 +184,10 @@ class Problem:
         fell = float((old - level).sum())
         self._best = Point(self._trial, starts, level)
         self._linear = eliminate(self._design, self._columns, np.nan_to_num(self._raw))
-        self._brake = np.where(better, np.minimum(2.0 * self._brake, 1.0), _SHORTER * self._brake)
+        self._brakes.follow(better)
         self._age += 1
-        big = fell > _MUCH * self.chi2
-        self.finished = last or (fell < 1e-4 * self.chi2 + _LITTLE and bool((self._brake < 0.05)[~better].all()))
-        if last:
-            return
-        if misled or (big and self._age > _STALE):
+        self.finished = last or (fell < 1e-4 * self.chi2 + _LITTLE and bool(self._brakes.halted[~better].all()))
+        if not last and (misled or (fell > _MUCH * self.chi2 and self._age > _STALE)):
             self._trial_starts = starts
             self._design = self._columns = None
             self.finished = False
@@ -198,7 +198,7 @@ class Problem:
         if self._design is None:
             self._design = by.by_states(white)
             self._age, self._stale = 0, False
-            self._brake = np.ones_like(self._brake)
+            self._brakes = Brakes(len(white[0]))
         given = {} if self._still else self._given
         self._columns, self._taken = by.by_parameters(white, given), self._trial
         if given:
@@ -216,7 +216,7 @@ class Problem:
         self._best, self._raw = Point(self._trial, self._trial_starts, per_segment), residual
         self._columns, self._settling = self._design[..., :0], SETTLE
         self._linear = eliminate(self._design, self._columns, np.nan_to_num(residual))
-        self._brake = np.ones_like(self._brake)
+        self._brakes = Brakes(len(worse))
         self._propose()
         self.finished = False
         self._trial_starts = np.where(worse[:, None], self._smooth, self._trial_starts)
@@ -235,17 +235,17 @@ class Problem:
             self._trial, self._trial_starts = self._best.flat, self._best.starts
         else:
             vars(self).update(vars(kept))
-        self.finished, self._brake = False, np.ones_like(self._brake)
+        self.finished, self._brakes = False, Brakes(len(self._trial_starts))
         if not better:
             self._shorten()
 
     def _worse(self, residual: Array, per_segment: Array, last: bool) -> None:
         """A step that did not help: blame single segments, then old derivatives, then the length of the step."""
         assert self._best is not None
-        bad = (per_segment > self._best.per_segment + _LITTLE) & (self._brake > _STOPPED)
-        if 0 < bad.sum() < 0.5 * len(bad) and not last:
-            self._brake[bad] *= _SHORTER
+        bad = None if last else self._brakes.blame(per_segment > self._best.per_segment + _LITTLE)
+        if bad is not None:
             self._propose()
+            self.only, self.others = bad, residual
             return
         if self._age and not last:
             self._design = self._columns = None
@@ -274,10 +274,9 @@ class Problem:
             little = difference_steps(self.effects, flat)
             delta = bounded_step(normal, gradient, self._damping, flat, self._low, self._high, little)
         shift = eliminated.states(delta[: eliminated.normal.shape[-1]], self._reach)
-        self._predicted = eliminated.gain(delta[: eliminated.normal.shape[-1]], self._brake)
-        if self._predicted < _LITTLE + 1e-5 * self.chi2:
-            self.finished = True
-        brake = self._brake[:, None] / (1.0 + self._damping)
+        self._predicted = eliminated.gain(delta[: eliminated.normal.shape[-1]], self._brakes.share)
+        self.finished |= self._predicted < _LITTLE + 1e-5 * self.chi2
+        brake = self._brakes.share[:, None] / (1.0 + self._damping)
         self._trial, self._trial_starts = flat + delta, starts + brake * shift
 
     def result(self) -> Fit:

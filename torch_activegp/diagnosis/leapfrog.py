@@ -22,7 +22,7 @@ _LITTLE = 1e-6
 """Of the inertia at a joint: the force on it at some rad/s or m/s that counts for none."""
 
 
-def halve_damping(model: mujoco.MjModel, field: Callable[[str], Array], rows: int, step: float) -> None:
+def halve_damping(model: mujoco.MjModel, field: Callable[[str], Array], rows: int, step: Array) -> None:
     """Lets the damping of some simulations act with the mean of the velocities before and after each time step.
 
     Implicit integration takes the velocity after it, M dv = h (f - D (v + dv)), which is of first order. The mean is
@@ -32,12 +32,12 @@ def halve_damping(model: mujoco.MjModel, field: Callable[[str], Array], rows: in
         model: of all simulations, integrated with ``implicitfast``.
         field: gives a field of the model with one value for each simulation; dampings are set.
         rows: the first so many simulations.
-        step: length h of the time steps, s.
+        step: length h of the time steps of each, ``(rows,)``, s.
     """
     damping = field("dof_damping")[:rows] + servo_damping(model)
     if not damping.any():
         return
-    inertia = np.minimum(0.5 * step * damping, _MOST / model.nv / model.dof_invweight0)
+    inertia = np.minimum(0.5 * step[:, None] * damping, _MOST / model.nv / model.dof_invweight0)
     field("dof_armature")[:rows] -= inertia
     field("dof_M0")[:rows] -= inertia
 

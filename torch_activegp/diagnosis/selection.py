@@ -68,7 +68,7 @@ def select(
     effects: Sequence[Effect],
     nominal: Fit,
     sets: Sequence[tuple[Sequence[Effect], Sequence[Array]]] = (),
-    starts: Array | None = None,
+    first: Fit | None = None,
     tell: Callable[[str], None] = lambda _: None,
     free: frozenset[tuple[str, str]] = frozenset(),
     depth: Depth | None = None,
@@ -80,7 +80,7 @@ def select(
         effects: what is tried.
         nominal: the fit without effects.
         sets: to begin from besides the nominal, with first guesses.
-        starts: initial states for them.
+        first: a fit to begin from, whose states they begin from too.
         tell: hears what is being done.
         free: what seemed to be tuned already, :attr:`Score.free`.
         depth: of the search; to its end where there is none.
@@ -90,9 +90,11 @@ def select(
     names = len({effect.key for effect in effects})
     score = Score(shooting.samples, names, 1.0, free=free, hides_colour=shooting.hides_colour)
     selection = Selection(nominal, [nominal], score)
-    if sets:
-        states = nominal.starts if starts is None else starts
-        selection.add(shooting.fit(sets, states, near=nominal))
+    near = nominal if first is None else first
+    others = [some for some in sets if frozenset(some[0]) != frozenset(near.effects)]
+    if others or near.effects:
+        selection.add([near] if near.effects else [])
+        selection.add(shooting.fit(others, near.starts, near=near))
         selection.rescale(shooting.dof)
     expanded: set[frozenset[Effect]] = set()
     _search(selection, shooting, effects, expanded, tell, depth)
@@ -174,12 +176,14 @@ def _seems_tuned(selection: Selection, shooting: Shooting, effects: Sequence[Eff
 
 
 def _only_undoes(selection: Selection, shooting: Shooting) -> bool:
-    """Whether what seems to be tuned is no more than that in the best set."""
+    """Whether what seems to be tuned is no more than that in the best set, and no smaller set fits better."""
     best, free = selection.best, selection.score.free
     tunable = [e for e in best.effects if e.key in free]
     others = [e for e in best.effects if e.key not in free]
     if not tunable or not others:
         return bool(others)
+    if selection.dominated:
+        return False
     alone, without = (fitted(shooting, selection, some) for some in (tunable, others))
     return only_undoes(selection.nominal, alone, without, best, selection.needs_more_than(MAX_EFFECTS))
 

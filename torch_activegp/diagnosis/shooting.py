@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 
 import numpy as np
 from numpy.typing import NDArray
 
+from torch_activegp.diagnosis.candidate import Candidate
 from torch_activegp.diagnosis.engine import Engine
 from torch_activegp.diagnosis.fit import Fit
 from torch_activegp.diagnosis.gauss_newton import SETTLE, Problem
@@ -165,19 +166,32 @@ class Shooting:
         for number in range(rounds + 1):
             if not running:
                 break
-            asked = {i: problem.ask() for i, problem in running.items()}
-            candidates = [c for cs, _ in asked.values() for c in cs]
-            predicted, _ = self.engine.predict(
-                self.segments, np.concatenate([s for _, s in asked.values()]), candidates
-            )
-            white = self.residuals(predicted)
-            at = 0
-            for i, (cs, _) in asked.items():
-                running[i].tell(white[at : at + len(cs)], last=number == rounds)
-                at += len(cs)
+            self._advance(running.values(), last=number == rounds)
             if race and number >= SETTLE + 2:
                 give_up(list(running.values()), [fit.chi2 for fit in ended.values()])
             for i in [i for i, problem in running.items() if problem.finished]:
                 ended[i] = running.pop(i).result()  # and lets go of what the fit needed
         ended |= {i: problem.result() for i, problem in running.items()}
         return [ended[i] for i in range(len(sets))]
+
+    def _advance(self, problems: Iterable[Problem], last: bool) -> None:
+        """Simulates what some problems ask for, side by side where they want all segments, and tells them."""
+        whole: list[tuple[Problem, list[Candidate], Array]] = []
+        for problem in problems:
+            candidates, states = problem.ask()
+            if problem.only is None:
+                whole.append((problem, candidates, states))
+                continue
+            white = problem.others[None].copy()
+            white[:, problem.only] = self.pick(problem.only).residuals_from(states[:, problem.only], candidates)
+            problem.tell(white, last)
+        if not whole:
+            return
+        white = self.residuals_from(np.concatenate([s for _, _, s in whole]), [c for _, cs, _ in whole for c in cs])
+        for problem, candidates, _ in whole:
+            problem.tell(white[: len(candidates)], last)
+            white = white[len(candidates) :]
+
+    def residuals_from(self, starts: Array, candidates: Sequence[Candidate]) -> Array:
+        """Whitened residuals of N candidates from initial states ``(N, S, nq + nv)``, ``(N, S, M)``."""
+        return self.residuals(self.engine.predict(self.segments, starts, candidates)[0])

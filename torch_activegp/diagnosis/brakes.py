@@ -1,0 +1,48 @@
+"""How far the initial states of each segment go of the step that a fit wants: some must go slower than the rest."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from torch_activegp.diagnosis.runs import Array
+
+_SHORTER, _STOPPED = 0.3, 0.02
+_HALTED = 0.05
+
+
+class Brakes:
+    """A share of the step for each of S segments, all of it in the beginning.
+
+    Args:
+        size: number of segments S.
+    """
+
+    def __init__(self, size: int) -> None:
+        self.share: Array = np.ones(size)
+
+    @property
+    def on(self) -> NDArray[np.bool_]:
+        """Which are braked, ``(S,)``."""
+        return self.share < 1.0
+
+    @property
+    def halted(self) -> NDArray[np.bool_]:
+        """Which hardly move, ``(S,)``."""
+        return self.share < _HALTED
+
+    def blame(self, worse: NDArray[np.bool_]) -> NDArray[np.bool_] | None:
+        """Brakes those that got worse and were not stopped before, where these are less than half of all.
+
+        Returns:
+            Those that were braked, ``(S,)``; None where there were none, or too many.
+        """
+        bad = worse & (self.share > _STOPPED)
+        if not 0 < bad.sum() < 0.5 * len(bad):
+            return None
+        self.share[bad] *= _SHORTER
+        return bad
+
+    def follow(self, better: NDArray[np.bool_]) -> None:
+        """Releases those that got better, and brakes the others."""
+        self.share = np.where(better, np.minimum(2.0 * self.share, 1.0), _SHORTER * self.share)
