@@ -1,5 +1,7 @@
 from __future__ import annotations
 
+import itertools
+
 import numpy as np
 import pytest
 
@@ -157,3 +159,19 @@ def test_a_step_that_makes_one_segment_worse_is_tried_again_there_alone(bench) -
     np.testing.assert_array_equal(np.delete(again, 3, 1), np.delete(states, 3, 1))
     assert not np.array_equal(again[0, 3], states[0, 3])
     np.testing.assert_array_equal(problem.others, white[0])
+
+
+def test_a_third_detour_from_one_point_is_not_taken(bench) -> None:
+    """The states never follow; from the second detour on, the step gets shorter alone."""
+    fit = bench.fit("viscous_friction", 0.05)
+    problem = Problem(bench.shooting, fit.effects, (np.array([0.5]),), fit.starts, smooth=fit.starts)
+    still: list[bool] = []
+    for number in range(20):
+        candidates, states = problem.ask()
+        white = bench.shooting.residuals_from(states, candidates)
+        if number:  # nothing but the first point is any good
+            white = white if len(candidates) > 1 else np.full_like(white, 1e4)
+        problem.tell(white, last=False)
+        still.append(problem._kept is not None)
+    detours = sum(after and not before for before, after in itertools.pairwise(still))
+    assert detours == 2

@@ -34,6 +34,8 @@ _DISCRETE = 0.03
 """Part of chi2 by which the model's own time steps must fit better: a machine has none. Dry friction of 0.12 N m was
 found as 0.1165 with steps of 2.5 ms that fitted one run better by a fortieth of its chi2."""
 _SETTLED = 0.01
+_CREEPS = 12
+"""Rounds for the nominal's fit behind a set: one that is far off creeps on for ever."""
 _ROUNDS = 6
 """Corrections of a form at most, while its fit gets better and leaves little more than noise; else two."""
 _NEAR, _LOST = 2.0, 4.0
@@ -104,9 +106,8 @@ class Numerics(Forms):
         if first.segments.size < segments.size:
             begin = dataclasses.replace(near, effects=judged.effects, values=judged.values, columns=None)
             working, judged = self._on_all(dataclasses.replace(whole, engine=working.engine), engine, begin)
-        if not sets:
-            return engine, working, judged, judged
-        return engine, working, working.fit([((), ())], nominal.starts, near=nominal)[0], judged
+        bare = working.fit([((), ())], nominal.starts, _CREEPS, near=nominal)[0] if sets else judged
+        return engine, working, bare, judged
 
     def _race(
         self, competing: Sequence[Engine], first: Shooting, rough: Fit, trials: Sets, dof: int
