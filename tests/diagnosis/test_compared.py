@@ -82,12 +82,16 @@ def test_few_names_may_explain_as_much_as_many(bench, found) -> None:
     assert not Selection(bench.nominal, [bench.nominal], found.score).needs_more_than(2)
 
 
-@pytest.mark.parametrize(("size", "chi2", "expected"), [(1, -1.0, True), (1, 1.0, False), (2, -1.0, False)])
-def test_a_set_is_dominated_by_a_smaller_one_that_fits_better(bench, size, chi2, expected) -> None:
+@pytest.mark.parametrize(
+    ("effects", "size", "chi2", "expected"),
+    [(1, 1, -3.0, True), (1, 1, -0.5, False), (1, 1, 1.0, False), (1, 2, -3.0, False), (2, 1, -3.0, False)],
+)
+def test_a_set_is_dominated_by_a_smaller_one_that_fits_better(bench, effects, size, chi2, expected) -> None:
     wet = bench.fit("viscous_friction", 0.05)
     pair = (bench.effect("viscous_friction"), bench.effect("constant_force"))
     best = dataclasses.replace(wet, effects=pair, values=(np.ones(1), np.zeros(1)), chi2=wet.chi2)
-    small = dataclasses.replace(wet, effects=wet.effects, values=(np.ones(size),), chi2=wet.chi2 + chi2)
+    values = (np.ones(size), *[np.ones(0)] * (effects - 1))
+    small = dataclasses.replace(wet, effects=pair[:effects], values=values, chi2=wet.chi2 + chi2)
     assert Selection(bench.nominal, [bench.nominal, best, small], _First(best)).dominated is expected
 
 

@@ -184,3 +184,19 @@ def test_work_is_counted_in_time_steps(bench) -> None:
         engine = Engine(bench.engine.model, bench.engine.channels, 3, 1, integrator)
         engine.predict(bench.segments, bench.nominal.starts[None], [NOMINAL])
         assert engine.work == rows * 3 * times
+
+
+def test_runs_of_other_rates_do_not_change_how_a_leapfrog_damps(clean) -> None:
+    """Half a time step of damping is taken out of each simulation by its own time step."""
+    machine = clean.integrated("implicitfast", 0.005, joint='damping="0.6"')
+    engine = Engine(machine.model, machine.channels, substeps=1, late=True)
+    fast = clean.segments
+    slow = dataclasses.replace(fast, dt=2.0 * fast.dt)
+    names = ("run", "first", "position", "counts", "dt", "scored")
+    both = dataclasses.replace(
+        fast, **{name: np.concatenate([getattr(fast, name), getattr(slow, name)]) for name in names}
+    )
+    starts = clean.nominal.starts
+    together = engine.predict(both, np.concatenate([starts, starts])[None], [NOMINAL])[0][0]
+    for part, alone in ((together[: fast.size], fast), (together[fast.size :], slow)):
+        np.testing.assert_allclose(part, engine.predict(alone, starts[None], [NOMINAL])[0][0], rtol=0, atol=1e-12)

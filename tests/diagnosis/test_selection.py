@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 from torch_activegp.data import Recording
+from torch_activegp.diagnosis import selection as module
 from torch_activegp.diagnosis.compared import Selection
 from torch_activegp.diagnosis.fit import Fit
 from torch_activegp.diagnosis.linearize import linearize
@@ -15,7 +16,7 @@ from torch_activegp.diagnosis.noise_model import NoiseModel
 from torch_activegp.diagnosis.score import Score
 from torch_activegp.diagnosis.screening import screen
 from torch_activegp.diagnosis.segments import cut
-from torch_activegp.diagnosis.selection import Depth, _expand, _search, _seems_tuned, select
+from torch_activegp.diagnosis.selection import Depth, _be_fair, _expand, _only_undoes, _search, _seems_tuned, select
 from torch_activegp.diagnosis.shooting import Shooting
 
 NAMES = ("viscous_friction", "coulomb_friction", "quadratic_drag", "constant_force", "armature_error")
@@ -47,6 +48,24 @@ def test_nothing_is_chosen_where_nothing_is_missing(clean) -> None:
     assert chosen.best.effects == ()
 
 
+@pytest.mark.parametrize(("much", "best"), [(1.0, ()), (0.0, ("viscous_friction",))])
+def test_what_other_initial_states_alone_would_gain_is_no_effect(clean, monkeypatch, much, best) -> None:
+    """The nominal's fit ended short of its optimum by more than a name costs; what gains much is not asked about."""
+    monkeypatch.setattr(module, "_LITTLE", much)
+    short = clean.nominal.starts.copy()
+    short[3] += 0.002
+    nominal = clean.shooting.fit([((), ())], short, rounds=0)[0]
+    chosen = Selection(nominal, [nominal], Score(clean.shooting.samples, 5, 1.0))
+    chosen.add([clean.fit("viscous_friction", 0.001)])
+    assert chosen.best.effects
+    _be_fair(chosen, clean.shooting)
+    assert tuple(effect.name for effect in chosen.best.effects) == best
+    assert chosen.nominal in chosen.fits
+    assert (chosen.nominal is nominal) is bool(best)
+    if not best:
+        assert chosen.nominal.chi2 == pytest.approx(clean.nominal.chi2, abs=1.0)
+
+
 def test_a_useless_set_to_begin_from_is_left_behind(bench) -> None:
     load = bench.effect("constant_force")
     effects = [bench.effect("viscous_friction"), load]
@@ -58,10 +77,38 @@ def test_a_useless_set_to_begin_from_is_left_behind(bench) -> None:
 def test_a_fit_to_begin_from_is_taken_as_it_is(bench) -> None:
     fit = bench.fit("viscous_friction", 0.05)
     other = ((bench.effect("quadratic_drag"),), (np.array([0.01]),))
-    chosen = select(bench.shooting, [*fit.effects, *other[0]], bench.nominal, [(fit.effects, fit.values), other], fit)
+    chosen = select(bench.shooting, [*fit.effects, *other[0]], bench.nominal, [other], fit)
     assert chosen.fits[:2] == [bench.nominal, fit]
     assert [each.effects for each in chosen.fits].count(fit.effects) == 1
     assert other[0] in [each.effects for each in chosen.fits]
+
+
+def test_a_fit_to_begin_from_that_failed_is_none(bench) -> None:
+    fit = dataclasses.replace(bench.fit("viscous_friction", 0.05), chi2=np.inf, starts=bench.nominal.starts + np.inf)
+    chosen = select(bench.shooting, list(fit.effects), bench.nominal, [(fit.effects, fit.values)], fit)
+    assert chosen.best.keys == fit.keys
+    assert fit not in chosen.fits
+
+
+@pytest.mark.parametrize(("dt", "colour", "unseen"), [(0.01, 0.0, False), (0.02, 0.0, True), (0.02, 0.5, False)])
+def test_a_colour_is_unseen_in_slow_recordings_unless_it_was_found(bench, dt, colour, unseen) -> None:
+    segments = dataclasses.replace(bench.segments, dt=np.full_like(bench.segments.dt, dt))
+    noise = dataclasses.replace(bench.shooting.noise, colour=np.full_like(bench.shooting.noise.colour, colour * 0.5))
+    shooting = dataclasses.replace(bench.shooting, segments=segments, noise=noise)
+    assert select(shooting, [], bench.nominal).score.hides_colour is unseen
+
+
+def test_a_tuning_that_a_smaller_set_beats_is_none(bench, monkeypatch) -> None:
+    monkeypatch.setattr(module, "only_undoes", lambda *_: True)
+    fit = bench.fit("viscous_friction", 0.05)
+    pair = (bench.effect("cubic_spring"), bench.effect("viscous_friction"))
+    best = dataclasses.replace(fit, effects=pair, values=(np.ones(1), fit.values[0]), chi2=fit.chi2 - 100.0)
+    chosen = Selection(bench.nominal, [bench.nominal, best, fit], Score(bench.shooting.samples, 5, 1.0))
+    chosen.score = dataclasses.replace(chosen.score, free=frozenset([pair[1].key]))
+    chosen.fits += [dataclasses.replace(best, effects=pair[:1], values=best.values[:1], chi2=fit.chi2)]
+    assert _only_undoes(chosen, bench.shooting)
+    monkeypatch.setattr(Selection, "dominated", property(lambda self: True))
+    assert not _only_undoes(chosen, bench.shooting)
 
 
 def test_two_names_that_leave_most_are_no_end(bench) -> None:

@@ -6,6 +6,7 @@ import mujoco
 import numpy as np
 import pytest
 
+from torch_activegp.diagnosis import shooting as module
 from torch_activegp.diagnosis.engine import Candidate, Engine
 from torch_activegp.diagnosis.gauss_newton import Problem
 from torch_activegp.diagnosis.shooting import Shooting
@@ -203,9 +204,14 @@ def test_a_fit_may_end_in_any_round_and_never_gets_worse(sticking) -> None:
     assert all(fit.per_segment.sum() == pytest.approx(fit.chi2) for fit in fits)
 
 
-def test_what_is_tried_again_in_some_segments_is_simulated_there_alone(bench, monkeypatch) -> None:
+@pytest.mark.parametrize("hold", [False, True])
+def test_what_is_tried_in_a_part_of_the_segments_is_simulated_there_alone(bench, monkeypatch, hold) -> None:
     """And the fit is the same as where everything is simulated."""
     sets = [((bench.effect("coulomb_friction"),), (np.array([0.3]),)), ((bench.effect("joint_stop"),), (STOP,))]
+    right, starts = bench.fit("viscous_friction", 0.05), bench.nominal.starts.copy()
+    if hold:
+        sets, starts = [(right.effects, right.values)], right.starts.copy()
+        starts[2, 1] += 3.0  # restless, where the others have settled
     asked: list[int] = []
     predict = Engine.predict
 
@@ -214,16 +220,31 @@ def test_what_is_tried_again_in_some_segments_is_simulated_there_alone(bench, mo
         return predict(self, segments, starts, candidates)
 
     monkeypatch.setattr(Engine, "predict", listen)
-    partly = bench.shooting.fit(sets, bench.nominal.starts)
-    assert min(asked) < max(asked) == bench.segments.size
-    monkeypatch.setattr("torch_activegp.diagnosis.shooting.Problem", _AllAnew)
-    wholly = bench.shooting.fit(sets, bench.nominal.starts)
+    partly = bench.shooting.fit(sets, starts, hold=hold, near=right if hold else None)
+    least = min(asked)
+    asked.clear()
+    monkeypatch.setattr(module, "_MOST", 0.0)
+    wholly = bench.shooting.fit(sets, starts, hold=hold, near=right if hold else None)
+    assert least < min(asked) == bench.segments.size
     for one, other in zip(partly, wholly, strict=True):
         assert one.chi2 == pytest.approx(other.chi2, rel=1e-9)
         np.testing.assert_allclose(one.starts, other.starts, rtol=1e-6, atol=1e-9)
 
 
-class _AllAnew(Problem):
-    """Wants all segments simulated every time."""
+def test_held_parameters_leave_segments_that_have_settled_alone(bench, monkeypatch) -> None:
+    starts = bench.nominal.starts.copy()
+    starts[2, 1] += 3.0
+    trials: list[np.ndarray] = []
+    advance = Problem.tell
 
-    only = property(lambda self: None, lambda self, which: None)
+    def listen(self, white, last):
+        trials.append(self.only)
+        advance(self, white, last)
+
+    monkeypatch.setattr(Problem, "tell", listen)
+    again = bench.shooting.fit([((), ())], starts, near=bench.nominal)[0]
+    partly = [only for only in trials if only is not None]
+    assert partly
+    assert all(only[2] for only in partly[:1])
+    assert sum(only.sum() for only in partly) < 0.5 * len(partly) * bench.segments.size
+    assert again.chi2 == pytest.approx(bench.nominal.chi2, abs=1.0)

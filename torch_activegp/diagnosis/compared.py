@@ -32,12 +32,14 @@ class Selection:
         fits: all fits by their effects.
         score: how they compare.
         cut_short: whether sets that could still have become the best were not developed.
+        beside: the set from whose initial states the nominal was fitted last.
     """
 
     nominal: Fit
     fits: list[Fit]
     score: Score
     cut_short: bool = False
+    beside: Fit | None = None
 
     @property
     def best(self) -> Fit:
@@ -93,10 +95,10 @@ class Selection:
 
     @property
     def dominated(self) -> bool:
-        """Whether a set of fewer effects and fewer parameters fits better than the best one."""
+        """Whether a set of fewer effects and fewer parameters fits better than the best one, by more than chance."""
         best = self.best
-        smaller = (fit for fit in self.fits if len(fit.effects) < len(best.effects) and fit.size < best.size)
-        return any(fit.chi2 < best.chi2 for fit in smaller if fit.plausible)
+        better = (fit for fit in self.fits if fit.chi2 < best.chi2 - _STUCK and fit.plausible)
+        return any(len(fit.effects) < len(best.effects) and fit.size < best.size for fit in better)
 
     def rescale(self, dof: int) -> None:
         """The noise is what the best fit leaves, and never less than the noise model says."""

@@ -38,6 +38,10 @@ class Eliminated:
         """Chi2 that the initial states alone can take away in each segment, to first order, ``(S,)``."""
         return np.asarray((np.einsum("smn,sm->sn", self.basis, self.residual) ** 2).sum(-1))
 
+    def promised(self, brake: Array) -> Array:
+        """The same by a part of the states' step, ``(S,)``, in each."""
+        return np.asarray(self.promise * brake * (2.0 - brake))
+
     def gain(self, delta: Array, brake: Array) -> float:
         """Chi2 that a step takes away, to first order.
 
@@ -45,7 +49,7 @@ class Eliminated:
             delta: change of the parameters, ``(P,)``.
             brake: part of their own step that the states of each segment take, ``(S,)``.
         """
-        states = float((self.promise * brake * (2.0 - brake)).sum())
+        states = float(self.promised(brake).sum())
         return states + float(2.0 * self.gradient.sum(0) @ delta - delta @ self.normal.sum(0) @ delta)
 
     def states(self, delta: Array, reach: Array) -> Array:

@@ -156,7 +156,8 @@ def _start(
             engine, shooting, nominal, judged = numerics.choose(segments, noise, nominal, nominal, sets)
             part, here, there = shooting.pick(which), nominal.pick(which), judged.pick(which)
             seen = part.fit([(there.effects, there.values)], there.starts, near=there)[0]
-            chosen = select(part, effects, here, sets, seen, tell, free, Depth(swaps=0))  # swaps come with all data
+            others = _besides(sets, seen)
+            chosen = select(part, effects, here, others, seen, tell, free, Depth(swaps=0))  # swaps come with all data
         sets, free = _leaders(chosen), chosen.score.free
         halved = segments.size > _uncut(machine).size
         near = halved and bool(segments.far_off(nominal.per_segment, _FAR / 4).any())
@@ -166,6 +167,7 @@ def _start(
             segments, nominal = fewer
         if longer or frozenset(chosen.best.effects) != frozenset(judged.effects):
             engine, shooting, nominal, judged = numerics.choose(segments, noise, nominal, nominal, sets)
+            sets = _besides(sets, judged)
     return _Start(engine, shooting, nominal, sets, judged, free)
 
 
@@ -185,8 +187,8 @@ def _again(
     if segments.far_off(nominal.per_segment * loud**2, _TOO_FAR).any():
         segments, nominal = _longest(machine, numerics, noise, _TOO_FAR)
     engine, shooting, nominal, judged = numerics.choose(segments, noise, nominal, nominal, sets)
-    quiet = _Start(engine, shooting, nominal, sets, judged, selection.score.free)
-    return quiet, select(shooting, effects, nominal, sets, judged, tell, quiet.free)
+    quiet = _Start(engine, shooting, nominal, _besides(sets, judged), judged, selection.score.free)
+    return quiet, select(shooting, effects, nominal, quiet.sets, judged, tell, quiet.free)
 
 
 def _finish(
@@ -203,7 +205,8 @@ def _finish(
         if again is not engine:
             engine, shooting = again, other
             tell("naming with the numerics seen behind the effects")
-            selection = select(shooting, effects, bare, leaders, judged, tell, selection.score.free)
+            rest = _besides(leaders, judged)
+            selection = select(shooting, effects, bare, rest, judged, tell, selection.score.free)
     _polish(shooting, selection, effects)
     fine, firm = engine is not numerics.given, numerics.sticks(engine)
     return Explanation(engine, shooting, selection, tuple(effects), fine, firm)
@@ -250,6 +253,12 @@ def _leaders(selection: Selection) -> Sets:
     far = selection.score(selection.best) + selection.score.slack
     near = [fit for fit in selection.ranked()[:3] if selection.score(fit) <= far]
     return [(fit.effects, fit.values) for fit in near if fit.effects]
+
+
+def _besides(sets: Sets, judged: Fit) -> Sets:
+    """Those of some sets that a fit is not of; one that failed is of none."""
+    own = frozenset(judged.effects) if np.isfinite(judged.chi2) else None
+    return [some for some in sets if frozenset(some[0]) != own]
 
 
 def _uncut(machine: Machine) -> Segments:

@@ -99,7 +99,7 @@ class Fit:
         return out
 
     def pick(self, which: NDArray[np.int64] | NDArray[np.bool_]) -> Fit:
-        """What it is on some of the segments."""
+        """What it is on some of the segments; its information is still that of all."""
         per_segment = self.per_segment[which]
         return dataclasses.replace(
             self,

@@ -31,10 +31,10 @@ _ALONE, _SHARE = 1.0, 1e-3
 class Problem:
     """One set on its way to the optimum: Levenberg-Marquardt on the parameters, the states by projection.
 
-    Where the first guess is worse than the smaller set `below`, it begins from there instead. A trial that differs from
-    the one before in some segments alone says in which, `only`, ``(S,)``; `others` holds the residuals of the rest.
-    Derivatives may come from a fit of another set near by; they are computed anew where they mislead. Its states too:
-    segments that are far off in the beginning try the smoothed recording in their place.
+    Where the first guess is worse than the smaller set `below`, it begins from there instead. A trial that is new in a
+    part of the segments says in which, `only`, ``(S,)``, and `others` holds the residuals of the rest. Derivatives may
+    come from a fit of another set near by; they are computed anew where they mislead. Its states too: segments that are
+    far off in the beginning try the smoothed recording in their place.
     """
 
     def __init__(
@@ -110,7 +110,7 @@ class Problem:
             white = np.concatenate([self._raw[None], white])
         residual = white[0].copy()  # a view would keep all of what was asked for
         per_segment = np.nan_to_num((residual**2).sum(-1), nan=FAILED, posinf=FAILED)
-        alone = self._best is not None and len(white) == 1
+        first, alone = self._best is None, self._best is not None and len(white) == 1
         if alone and self._still:
             self._each_for_itself(residual, per_segment, last)
         elif alone and self._columns is not None and not total(per_segment) < self.chi2:
@@ -118,7 +118,6 @@ class Problem:
         else:
             if len(white) > 1 or self._columns is None:
                 self._take_derivatives(white, self._differences)
-            first = self._best is None
             self._better(residual, per_segment, len(white) > 1, last)
             if first and self._still and self._smooth is not None:
                 far = self.shooting.segments.far_off(per_segment)
@@ -137,6 +136,7 @@ class Problem:
         self.finished, self._begins_anew = self.finished and not self._settling, False
         if self._settling or (last and self._kept is None):
             return
+        self.only, self._brakes = None, Brakes(len(self._trial_starts))
         if self._kept is not None:
             self._end_of_detour()
             return
@@ -145,7 +145,7 @@ class Problem:
             below, self._trial = self._below
             self._trial_starts, self._design = below.starts, below.design
             self._given = below.columns_of(self.effects, split(self.effects, self._trial))
-            self._best, self._below, self._brakes = None, None, Brakes(len(self._trial_starts))
+            self._best, self._below = None, None
             return
         self._trial, self._trial_starts = self._best.flat, self._best.starts
         if len(self._given) == len(self._trial) and self._design is not None:
@@ -177,24 +177,25 @@ class Problem:
     def _each_for_itself(self, residual: Array, per_segment: Array, last: bool) -> None:
         """Without free parameters every segment takes its own step, or a shorter one."""
         assert self._best is not None and self._design is not None and self._columns is not None
-        old = self._best.per_segment
+        old, old_starts = self._best.per_segment, self._best.starts
         better = per_segment < old
-        misled = self._stale and self._linear.promise[~better & self._brakes.on].sum() > _ALONE + 1e-4 * self.chi2
-        starts = np.where(better[:, None], self._trial_starts, self._best.starts)
-        level = np.where(better, per_segment, old)
+        promised = self._linear.promise[~better & self._brakes.on].sum()
+        misled = self._stale and promised > _ALONE + 0.1 * _SHARE * self.chi2
         self._raw = np.where(better[:, None], residual, self._raw)
-        fell = float((old - level).sum())
-        self._best = Point(self._trial, starts, level)
+        starts = np.where(better[:, None], self._trial_starts, old_starts)
+        self._best = Point(self._trial, starts, np.minimum(per_segment, old))
+        fell = float((old - self._best.per_segment).sum())
         self._linear = eliminate(self._design, self._columns, np.nan_to_num(self._raw))
-        self._brakes.follow(better)
+        halted = self._brakes.follow(better, (self._trial_starts != old_starts).any(axis=1))
         self._age += 1
-        self.finished = last or (fell < 1e-4 * self.chi2 + _LITTLE and bool(self._brakes.halted[~better].all()))
+        self.finished = last or (fell < 1e-4 * self.chi2 + _LITTLE and halted)
         if not last and (misled or (fell > _MUCH * self.chi2 and self._age > _STALE)):
-            self._trial_starts = starts
+            self._trial_starts, self.finished = starts, False
             self._design = self._columns = None
-            self.finished = False
         elif not self.finished:
             self._propose()
+            self.only, self.others = self._brakes.moving(self._linear, self._best.per_segment), self._raw
+            self._trial_starts = np.where(self.only[:, None], self._trial_starts, self._best.starts)
 
     def _take_derivatives(self, white: Array, by: Differences) -> Array:
         if self._design is None:
@@ -268,8 +269,7 @@ class Problem:
 
     def _propose(self) -> None:
         assert self._best is not None
-        flat, starts = self._best.flat, self._best.starts
-        eliminated = self._linear
+        flat, eliminated = self._best.flat, self._linear
         delta = np.zeros(len(flat))
         if not self._still:
             normal, gradient = eliminated.normal.sum(0), eliminated.gradient.sum(0)
@@ -279,7 +279,7 @@ class Problem:
         self._predicted = eliminated.gain(delta[: eliminated.normal.shape[-1]], self._brakes.share)
         self.finished |= self._predicted < _LITTLE + 1e-5 * self.chi2
         brake = self._brakes.share[:, None] / (1.0 + self._damping)
-        self._trial, self._trial_starts = flat + delta, starts + brake * shift
+        self._trial, self._trial_starts = flat + delta, self._best.starts + brake * shift
 
     def result(self) -> Fit:
         """The best point."""

@@ -35,7 +35,7 @@ _DISCRETE = 0.03
 found as 0.1165 with steps of 2.5 ms that fitted one run better by a fortieth of its chi2."""
 _SETTLED = 0.01
 _CREEPS = 12
-"""Rounds for the nominal's fit behind a set: one that is far off creeps on for ever."""
+"""Rounds for the nominal's fit behind a set: one that is far off creeps, and what is near is fitted once more later."""
 _ROUNDS = 6
 """Corrections of a form at most, while its fit gets better and leaves little more than noise; else two."""
 _NEAR, _LOST = 2.0, 4.0

@@ -57,7 +57,7 @@ class Score:
 
     @property
     def slack(self) -> float:
-        """Sets behind the best one by less are developed too: about the price of one more name."""
+        """Sets behind the best one by less are developed too: about what one more name must gain at least."""
         return SLACK + self.least
 
     def before_any_fit(self, nominal: Fit) -> Score:
