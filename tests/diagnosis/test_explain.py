@@ -6,7 +6,7 @@ import mujoco
 import numpy as np
 import pytest
 
-from torch_activegp.diagnosis.explain import _longest, _starts_of, explain
+from torch_activegp.diagnosis.explain import _besides, _longest, _starts_of, explain
 from torch_activegp.diagnosis.noise_model import NoiseModel
 from torch_activegp.diagnosis.numerics import Numerics
 
@@ -80,3 +80,10 @@ def test_segments_that_cannot_be_shorter_end_the_search(bench, monkeypatch) -> N
     segments, fit = _longest(bench.machine, Numerics.of(bench.machine, 1), bench.shooting.noise, -1.0)
     assert (segments.scored[:, 1] - segments.scored[:, 0]).max() < 24
     assert len(fit.per_segment) == segments.size
+
+
+def test_a_set_that_was_fitted_is_not_fitted_again_unless_it_failed(bench) -> None:
+    fit = bench.fit("viscous_friction", 0.05)
+    own, other = (fit.effects, fit.values), ((bench.effect("quadratic_drag"),), (np.array([0.01]),))
+    assert _besides([own, other], fit) == [other]
+    assert _besides([own, other], dataclasses.replace(fit, chi2=np.inf)) == [own, other]

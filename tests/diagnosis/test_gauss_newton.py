@@ -175,3 +175,28 @@ def test_a_third_detour_from_one_point_is_not_taken(bench) -> None:
         still.append(problem._kept is not None)
     detours = sum(after and not before for before, after in itertools.pairwise(still))
     assert detours == 2
+
+
+def test_where_the_states_have_settled_no_segment_is_braked(bench) -> None:
+    """What they could not follow alone they may follow with the parameters."""
+    fit = bench.fit("viscous_friction", 0.05)
+    starts = fit.starts + 0.01
+    problem = Problem(bench.shooting, fit.effects, (np.array([0.02]),), starts, near=fit)
+    braked = []
+    while problem._still:
+        candidates, states = problem.ask()
+        white = bench.shooting.residuals_from(states, candidates)
+        problem.tell(white if not braked else white + 100.0, last=False)
+        braked.append(problem._brakes.on.any())
+    assert any(braked[:-1])
+    assert not braked[-1]
+    assert problem.only is None
+
+
+def test_a_step_that_helps_allows_detours_again(bench) -> None:
+    fit = bench.fit("viscous_friction", 0.05)
+    problem = Problem(bench.shooting, fit.effects, (np.array([0.02]),), fit.starts)
+    problem.tell(bench.shooting.residuals_from(*problem.ask()[::-1]), last=False)
+    problem._detours = 2
+    problem.tell(bench.shooting.residuals_from(*problem.ask()[::-1]), last=False)
+    assert problem._detours == 0

@@ -66,6 +66,12 @@ def test_what_other_initial_states_alone_would_gain_is_no_effect(clean, monkeypa
         assert chosen.nominal.chi2 == pytest.approx(clean.nominal.chi2, abs=1.0)
 
 
+def test_whatever_becomes_the_best_is_compared_fairly(bench, monkeypatch) -> None:
+    asked = []
+    monkeypatch.setattr(module, "_be_fair", lambda selection, _: asked.append(selection.best.keys))
+    assert select(bench.shooting, [bench.effect(name) for name in NAMES], bench.nominal).best.keys in asked
+
+
 def test_a_useless_set_to_begin_from_is_left_behind(bench) -> None:
     load = bench.effect("constant_force")
     effects = [bench.effect("viscous_friction"), load]

@@ -170,9 +170,8 @@ def judge(shooting: Shooting, selection: Selection) -> Judgement:
 
 def _may_be_coloured(shooting: Shooting) -> bool:
     """Whether what is left may be the noise's own colour: it is seen, or would not be; not that of videos."""
-    return bool(shooting.noise.colour.any() or shooting.hides_colour) and not any(
-        run.video for run in shooting.segments.runs
-    )
+    coloured = bool(shooting.noise.colour.any()) or shooting.hides_colour
+    return coloured and not any(run.video for run in shooting.segments.runs)
 
 
 def _visible(shooting: Shooting, left: Omnibus) -> bool:

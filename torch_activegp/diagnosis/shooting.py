@@ -73,6 +73,10 @@ class Shooting:
         measured = self.segments.position if self.offset is None else self.segments.position - self.offset
         return self.noise.whiten(self.segments, measured - predicted)
 
+    def residuals_from(self, starts: Array, candidates: Sequence[Candidate]) -> Array:
+        """Whitened residuals of N candidates from initial states ``(N, S, nq + nv)``, ``(N, S, M)``."""
+        return self.residuals(self.engine.predict(self.segments, starts, candidates)[0])
+
     def residual_of(self, fit: Fit) -> Array:
         """Whitened residuals of a fit ``(S, M)``, zero where its simulation failed."""
         return np.nan_to_num(self.residuals(self.predicted(fit)))
@@ -193,7 +197,3 @@ class Shooting:
         for problem, candidates, _ in whole:
             problem.tell(white[: len(candidates)], last)
             white = white[len(candidates) :]
-
-    def residuals_from(self, starts: Array, candidates: Sequence[Candidate]) -> Array:
-        """Whitened residuals of N candidates from initial states ``(N, S, nq + nv)``, ``(N, S, M)``."""
-        return self.residuals(self.engine.predict(self.segments, starts, candidates)[0])
