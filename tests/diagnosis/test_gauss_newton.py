@@ -182,6 +182,7 @@ def test_where_the_states_have_settled_no_segment_is_braked(bench) -> None:
     fit = bench.fit("viscous_friction", 0.05)
     starts = fit.starts + 0.01
     problem = Problem(bench.shooting, fit.effects, (np.array([0.02]),), starts, near=fit)
+    problem._stale = False  # else its derivatives would be taken anew, which releases all brakes
     braked = []
     while problem._still:
         candidates, states = problem.ask()
