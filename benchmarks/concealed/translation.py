@@ -11,7 +11,6 @@
 | center_of_mass_offset, gravity_error | a vector | one effect an axis |
 | payload_mass | at the centre of mass or as far behind it | at the centre of mass, at the end, or everywhere |
 | actuator_saturation of a servo | of its force | of its control: another law, see :class:`ServoSaturation` |
-| actuator_dead_zone | before the gain | behind it |
 """
 
 from __future__ import annotations
@@ -65,10 +64,6 @@ def described(truth: Mapping[str, Any], key: Mapping[str, Any]) -> dict[str, flo
         values["slip"] /= values["stiffness"]
     if name == "actuator_saturation" and key["loop"] == "servo":
         return {}
-    if name == "actuator_dead_zone":
-        for other in key["effects"]:
-            if (other["name"], other["target"]) == ("actuator_gain", truth["target"]):
-                values["width"] *= float(other["parameters"]["gain"]["value"])
     return values
 
 

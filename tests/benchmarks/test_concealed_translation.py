@@ -109,14 +109,6 @@ def test_forms_of_a_name(double: Case) -> None:
     assert forms_of("viscous_friction", "joint:nobody", {"coefficient": 1.0}, double.effects) == []
 
 
-def test_a_gain_moves_a_dead_zone_behind_it() -> None:
-    target = "actuator:motor"
-    zone = {"name": "actuator_dead_zone", "target": target, "parameters": {"width": {"value": 0.2}}}
-    gain = {"name": "actuator_gain", "target": target, "parameters": {"gain": {"value": 1.5}}}
-    assert described(zone, {"loop": "open loop", "effects": [zone, gain]})["width"] == pytest.approx(0.3)
-    assert described(zone, {"loop": "open loop", "effects": [zone]})["width"] == 0.2
-
-
 @pytest.mark.slow
 def test_the_oracle_forecasts_down_to_the_noise_and_checks_a_tie(tmp_path: Path) -> None:
     folder, keys, said = (tmp_path / part for part in ("cases/case", "keys", "results/diagnosis/case"))

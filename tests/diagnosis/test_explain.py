@@ -6,7 +6,7 @@ import mujoco
 import numpy as np
 import pytest
 
-from torch_activegp.diagnosis.explain import _besides, _longest, _starts_of, explain
+from torch_activegp.diagnosis.explain import _besides, _longest, explain
 from torch_activegp.diagnosis.noise_model import NoiseModel
 from torch_activegp.diagnosis.numerics import Numerics
 
@@ -39,27 +39,6 @@ def test_a_floor_that_is_too_high_is_taken_anew(bench, monkeypatch) -> None:
     assert found.selection.best.keys == {("viscous_friction", "joint:hip")}
     assert found.shooting.noise.scale[0] == pytest.approx(bench.noise, rel=0.15)
     assert found.selection.best.chi2 / found.shooting.dof == pytest.approx(1.0, abs=0.2)
-
-
-def test_a_rival_begins_from_its_own_parameters_and_from_those_of_the_best(bench) -> None:
-    friction, push = bench.effect("viscous_friction"), bench.effect("constant_force")
-    best = bench.fit("viscous_friction", 0.06)
-    values = (np.array([0.03]), np.array([0.1]))
-    rival = dataclasses.replace(best, effects=(friction, push), values=values)
-    (_, own), (_, shared) = _starts_of(rival, best)
-    assert own == values
-    assert shared == (best.values[0], values[1])
-    assert len(_starts_of(dataclasses.replace(rival, values=(best.values[0], values[1])), best)) == 1
-
-
-def test_a_rival_that_contains_a_law_of_the_best_also_begins_as_that(bench) -> None:
-    """So that it never ends worse than what it contains; its shape stays."""
-    level = bench.fit("coulomb_friction", 0.05)
-    stribeck = bench.effect("stribeck_friction")
-    rival = dataclasses.replace(level, effects=(stribeck,), values=(np.array([0.2, 0.4, 0.3]),))
-    (_, own), (_, shared) = _starts_of(rival, level)
-    np.testing.assert_array_equal(own[0], [0.2, 0.4, 0.3])
-    np.testing.assert_array_equal(shared[0], [level.values[0][0], 0.0, 0.3])
 
 
 def test_a_coarse_time_step_is_not_taken_for_a_delay(clean) -> None:

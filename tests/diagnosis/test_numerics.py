@@ -5,7 +5,7 @@ import dataclasses
 import numpy as np
 import pytest
 
-from torch_activegp.diagnosis import numerics
+from torch_activegp.diagnosis import agreement, numerics
 from torch_activegp.diagnosis.engine import NOMINAL
 from torch_activegp.diagnosis.noise_model import NoiseModel
 from torch_activegp.diagnosis.numerics import Numerics
@@ -99,7 +99,7 @@ def test_a_hopeless_form_is_given_up_after_one_fit(clean, monkeypatch) -> None:
         settled.append(judged.chi2 / working.dof)
         return judged
 
-    monkeypatch.setattr(numerics, "chained", listen)
+    monkeypatch.setattr(agreement, "chained", listen)
     nominal = shooting.fit([((), ())], clean.nominal.starts)[0]
     assert nominal.chi2 > 10 * shooting.dof
     engine, *_ = made.choose(shooting.segments, shooting.noise, nominal, nominal)
@@ -115,9 +115,9 @@ def test_the_cheapest_form_that_is_close_comes_first(clean, monkeypatch) -> None
     shooting = truth_of(clean, made, "fine")
     fit = shooting.fit([((), ())], clean.nominal.starts)[0]
     precise = dataclasses.replace(shooting, engine=made.fine)
-    rival = numerics._Rival.at(shooting, made.fine, fit)
+    rival = agreement.Rival.at(shooting, made.fine, fit)
     far = {id(made.coarse): 50.0, id(made.late): 20.0}
-    monkeypatch.setattr(numerics, "_unabsorbed", lambda working, fit: far[id(working.engine)])
+    monkeypatch.setattr(numerics, "unabsorbed", lambda working, fit: far[id(working.engine)])
     assert made._cheap_ones(rival, precise, fit) == [made.late, made.coarse, made.fine]
     far[id(made.coarse)] = 29.0
     assert made._cheap_ones(rival, precise, fit) == [made.coarse, made.late, made.fine]
@@ -131,9 +131,44 @@ def test_where_something_touches_a_form_must_fit_all_segments_as_the_engine_does
     made = dataclasses.replace(Numerics.of(clean.integrated("Euler", 0.001), 1), stiff=True)
     shooting = truth_of(clean, made, "fine")
     begin = shooting.fit([((), ())], clean.nominal.starts)[0]
-    monkeypatch.setattr(numerics, "_is_close", lambda working, judged, exact: close and exact is not None)
+    monkeypatch.setattr(agreement, "is_close", lambda working, judged, exact: close and exact is not None)
     working, judged = made._on_all(dataclasses.replace(shooting, engine=made.middle), made.fine, begin)
     assert working.engine is (made.middle if close else made.fine)
     assert (working.offset is not None) == close
     assert judged.chi2 / working.dof == pytest.approx(1.0, abs=0.2)
     assert working.cheap is made.coarse
+
+
+def test_of_much_data_that_takes_long_a_part_is_simulated(bench, monkeypatch) -> None:
+    made = Numerics.of(bench.integrated("Euler", 0.01), 1)
+    sets = [((bench.effect("viscous_friction"),), (np.array([0.05]),))]
+    given = bench.segments, bench.shooting.noise, bench.nominal, bench.nominal, sets
+    steps = made.coarse.steps_in(bench.segments)
+    monkeypatch.setattr(numerics, "_JUDGES", 1)
+    monkeypatch.setattr(numerics, "_AFFORDED", 0.8 * steps)
+    monkeypatch.setattr(numerics, "_PLENTY", bench.nominal.chi2)
+    assert made.choose(*given)[1].segments.size == bench.segments.size  # what is left tells too little
+    monkeypatch.setattr(numerics, "_PLENTY", 1.0)
+    _, shooting, nominal, judged = made.choose(*given)
+    assert 1 < shooting.segments.size < bench.segments.size
+    assert shooting.engine.steps_in(shooting.segments) <= steps
+    assert len(nominal.starts) == len(judged.starts) == shooting.segments.size
+    assert judged.values[0][0] == pytest.approx(bench.viscous, rel=0.05)
+
+
+@pytest.mark.parametrize("fair", [True, False])
+def test_where_something_touches_a_form_must_do_justice_to_the_nominal_too(clean, fair) -> None:
+    """A correction made behind a set may spoil the nominal, which the precise form fits as it is."""
+    made = Numerics.of(clean.integrated("Euler", 0.001), 1)
+    shooting = truth_of(clean, made, "fine")
+    precise = dataclasses.replace(shooting, engine=made.fine)
+    nominal = precise.fit([((), ())], clean.nominal.starts)[0]
+    judged = precise.fit([((clean.effect("viscous_friction"),), (np.array([0.001]),))], nominal.starts)[0]
+    working = dataclasses.replace(shooting, engine=made.middle).corrected(made.fine, judged)
+    bare = dataclasses.replace(nominal, chi2=(1.01 if fair else 1.1) * nominal.chi2)
+    chosen, other, again = numerics._just(working, precise, nominal, bare, judged)
+    assert (chosen is working and other is bare and again is judged) == fair
+    if not fair:
+        assert chosen is precise
+        assert other.chi2 == pytest.approx(nominal.chi2, abs=0.1)
+        assert again.chi2 == pytest.approx(judged.chi2, abs=0.1)

@@ -66,6 +66,28 @@ def test_what_other_initial_states_alone_would_gain_is_no_effect(clean, monkeypa
         assert chosen.nominal.chi2 == pytest.approx(clean.nominal.chi2, abs=1.0)
 
 
+def test_a_name_less_is_fitted_again_from_the_states_of_a_best_set_that_gains_little(bench) -> None:
+    """What a second name gains on an impact, other states may gain alone."""
+    one, other = bench.effect("viscous_friction"), bench.effect("quadratic_drag")
+    good = bench.fit("viscous_friction", bench.viscous)
+    stuck = good.starts.copy()
+    stuck[3] += 0.00078
+    short = bench.shooting.fit([((one,), good.values)], stuck, rounds=0, hold=True)[0]
+    both = bench.shooting.fit([((one, other), (*good.values, np.array([0.0])))], good.starts)[0]
+    chosen = Selection(bench.nominal, [bench.nominal, short, both], Score(bench.shooting.samples, 5, 1.0))
+    gain = short.chi2 - both.chi2
+    assert 14.0 < gain < 0.05 * bench.shooting.dof
+    assert chosen.best is both
+    _be_fair(chosen, bench.shooting)
+    assert chosen.best.effects == (one,)
+    assert chosen.best.chi2 < both.chi2 + 5.0
+    assert chosen.of((other,)) is None  # what was not compared is not now
+    count = len(chosen.fits)
+    chosen.beside = chosen.best
+    _be_fair(chosen, bench.shooting)
+    assert len(chosen.fits) == count
+
+
 def test_whatever_becomes_the_best_is_compared_fairly(bench, monkeypatch) -> None:
     asked = []
     monkeypatch.setattr(module, "_be_fair", lambda selection, _: asked.append(selection.best.keys))

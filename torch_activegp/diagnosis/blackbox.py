@@ -15,7 +15,7 @@ from torch_activegp.data import Recording
 from torch_activegp.diagnosis.runs import Array, Channels, Run
 from torch_activegp.errors import ActiveGPError, ConfigurationError, DataError, SimulationError
 from torch_activegp.physics import Effect
-from torch_activegp.physics.actuation import ActuatorEffect
+from torch_activegp.physics.actuator import ActuatorEffect
 from torch_activegp.physics.inertia import ArmatureError
 from torch_activegp.physics.joint import JointEffect
 from torch_activegp.physics.sensing import SensorEffect

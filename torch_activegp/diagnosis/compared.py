@@ -32,7 +32,7 @@ class Selection:
         fits: all fits by their effects.
         score: how they compare.
         cut_short: whether sets that could still have become the best were not developed.
-        beside: the set from whose initial states the nominal was fitted last.
+        beside: the set from whose initial states smaller ones were fitted last.
     """
 
     nominal: Fit

@@ -11,7 +11,7 @@ from torch_activegp.diagnosis.candidate import Candidate
 from torch_activegp.diagnosis.own_filters import OwnFilter
 from torch_activegp.diagnosis.runs import Array, Run
 from torch_activegp.diagnosis.segments import Segments
-from torch_activegp.physics.actuation import ActuatorEffect
+from torch_activegp.physics.actuator import ActuatorEffect
 
 
 class Controls:

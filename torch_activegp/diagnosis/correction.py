@@ -55,9 +55,9 @@ def corrected_xml(
         for joint in edited.joints if numerics.firm else ():
             if joint.frictionloss > 0.0:
                 write_sharp(joint, numerics.step)
-    held: list[bool | None] = [
-        effect.write(edited, np.asarray(value)) for effect, value in zip(effects, values, strict=True)
-    ]
+    held: list[bool | None] = [None] * len(effects)
+    for i in sorted(range(len(effects)), key=lambda i: getattr(effects[i], "order", 0)):  # a drive's in their chain
+        held[i] = effects[i].write(edited, np.asarray(values[i]))
     if effects and not any(held):
         return None, held, None
     try:

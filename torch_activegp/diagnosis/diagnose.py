@@ -9,7 +9,6 @@ import numpy as np
 
 from torch_activegp.data import Recording
 from torch_activegp.diagnosis.blackbox import accelerations
-from torch_activegp.diagnosis.blackbox_engine import BlackBoxEngine
 from torch_activegp.diagnosis.blackbox_simulator import simulator_with
 from torch_activegp.diagnosis.checkpoint import Checkpoint
 from torch_activegp.diagnosis.correction import Form, corrected_xml
@@ -24,12 +23,12 @@ from torch_activegp.diagnosis.judge import Judgement
 from torch_activegp.diagnosis.linearize import linearize
 from torch_activegp.diagnosis.locate import entries, locate, somewhere
 from torch_activegp.diagnosis.machine import Machine, make_machine
+from torch_activegp.diagnosis.notes import search_notes
 from torch_activegp.diagnosis.places import effects_for
 from torch_activegp.diagnosis.proposal import propose
 from torch_activegp.diagnosis.remainder import Outcome, model_remainder
 from torch_activegp.diagnosis.result import Diagnosis, NamedEffect
 from torch_activegp.diagnosis.runs import Array, input_addresses, median_step
-from torch_activegp.diagnosis.selection import Depth
 from torch_activegp.diagnosis.source import Source, read_source
 from torch_activegp.diagnosis.verdict import Verdict, decide
 from torch_activegp.diagnosis.words import sentence
@@ -39,11 +38,6 @@ _SHOWN = 8
 """So many rivals are reported, and the nominal."""
 _WORTH_LEARNING = 0.03
 """A remainder of a smaller part of the mismatch is not modelled."""
-
-_CUT_SHORT = (
-    f"The search for effects ended when it had computed {Depth().work / 1e6:g} million time steps. Further ones on top "
-    "of those found, or others in their place, were not all tried."
-)
 
 Tell = Callable[[str, float | None], None]
 
@@ -148,7 +142,7 @@ def _report(
         "next_experiment": None if proposal is None else proposal[0],
         "model": {"name": source.name, "source": source.path},
         "recordings": _recordings(machine),
-        "notes": [*machine.notes, *_search_notes(explanation), *_remainder_note(outcome), *verdict.notes],
+        "notes": [*machine.notes, *search_notes(explanation), *_remainder_note(outcome), *verdict.notes],
         "rivals": _rivals(explanation, judgement),
         "retuned": _retuned(explanation, judgement),
         "mjcf_diff": difference if chosen.effects else None,
@@ -261,25 +255,4 @@ def _recordings(machine: Machine) -> list[dict[str, Any]]:
         }
         for role, runs in (("fit", machine.fit), ("holdout", machine.holdout))
         for run in runs
-    ]
-
-
-def _search_notes(explanation: Explanation) -> list[str]:
-    return [*_numerics_note(explanation), *([_CUT_SHORT] if explanation.selection.cut_short else [])]
-
-
-def _numerics_note(explanation: Explanation) -> list[str]:
-    if not explanation.fine:
-        return []
-    engine = explanation.engine
-    if isinstance(engine, BlackBoxEngine):
-        return [
-            f"The recordings agree better with {engine.box.name} if its controls come half a time step later, as they "
-            "should where it integrates by semi-implicit Euler; that difference is discretisation and is not named. "
-            "The corrected simulator keeps the controls as they are."
-        ]
-    firmly = " and with dry friction in its joints that sticks firmly, where MuJoCo lets it creep" * explanation.firm
-    return [
-        "The recordings agree better with the model integrated more finely than its own time step of "
-        f"{engine.model.opt.timestep:g} s says{firmly}; that difference is one of numerics and is not named."
     ]

@@ -85,7 +85,7 @@ class Engine:
         self.stride = stride if model.nq == model.nv else 1
         self.late = late
         self.work = 0.0
-        """Time steps that it has computed; those of Runge-Kutta count four times."""
+        """Time steps that it has computed, as :meth:`steps_in` counts them."""
         self._fields: dict[bool, _Fields] = {}
 
     def without_leapfrog(self) -> Engine:
@@ -114,6 +114,11 @@ class Engine:
     def state_size(self) -> int:
         """Positions and velocities: the free part of an initial state."""
         return int(self.model.nq + self.model.nv)
+
+    def steps_in(self, segments: Segments) -> float:
+        """Time steps of one simulation of some segments, at most; those of Runge-Kutta count four times."""
+        each = -(-segments.intervals // self.stride) * self.substeps
+        return float(segments.size * each * (4 if self.model.opt.integrator == RUNGE_KUTTA else 1))
 
     def starts(self, segments: Segments) -> Array:
         """First guess of the initial states from the smoothed recordings, ``(S, nq + nv)``."""
@@ -174,7 +179,7 @@ class Engine:
             batch.bind("act")[:rows, own.address] = controls.states(own)
         batch.warning[:rows] = 0
         edges = [*range(0, intervals, self.stride), intervals]
-        self.work += rows * (len(edges) - 1) * self.substeps * (4 if model.opt.integrator == RUNGE_KUTTA else 1)
+        self.work += count * self.steps_in(segments)
         lengths = np.add.reduceat(segments.dt, edges[:-1], axis=1) / self.substeps
         if self.late:  # after the constants: they are those of the machine
             halve_damping(self.model, fields, rows, np.tile(np.median(lengths, axis=1), count))

@@ -6,11 +6,12 @@ import dataclasses
 from collections.abc import Callable, Sequence
 
 import numpy as np
+from numpy.typing import NDArray
 
 from torch_activegp.diagnosis.blackbox_engine import GivenNumerics
 from torch_activegp.diagnosis.chaining import chained
 from torch_activegp.diagnosis.checkpoint import Checkpoint
-from torch_activegp.diagnosis.compared import Selection, compare
+from torch_activegp.diagnosis.compared import Selection
 from torch_activegp.diagnosis.engine import Engine
 from torch_activegp.diagnosis.fit import Fit
 from torch_activegp.diagnosis.machine import Machine
@@ -18,7 +19,7 @@ from torch_activegp.diagnosis.noise_floor import noise_floor
 from torch_activegp.diagnosis.noise_left import quieter
 from torch_activegp.diagnosis.noise_model import NoiseModel
 from torch_activegp.diagnosis.numerics import Numerics, Sets
-from torch_activegp.diagnosis.proposals import beginning, late_elsewhere
+from torch_activegp.diagnosis.polish import polish
 from torch_activegp.diagnosis.runs import Array, median_step
 from torch_activegp.diagnosis.segments import Segments, cut, halve
 from torch_activegp.diagnosis.selection import NOISE_ALONE, Depth, select
@@ -35,15 +36,6 @@ _FAR = 60.0
 _TOO_FAR = 400.0
 """The same for the names in the end."""
 _GROWTH = 6.0
-_SETTLED = 0.5
-_RIVAL = 20.0
-_SHORT = 0.04
-"""Part of its chi2 by which a fit of a law with kinks may end short of its optimum."""
-_OF_THE_GAIN = 0.05
-"""And part of what the best set explains: where little is missing, fits do not end that short."""
-_ALIKE = 1e-3
-_NEAR = 6
-_POLISHES = 4
 _QUIETER = 3
 """How often noise is taken anew."""
 _ENOUGH = 600.0
@@ -147,28 +139,34 @@ def _start(
     excess = nominal.chi2 - shooting.dof
     if excess > 2 * _ENOUGH and segments.size > _FEWEST:
         tell("naming on a part of the data")
-        part, which = shooting.subset(max(_ENOUGH / excess, 0.2, _FEWEST / segments.size))
+        part, which = _part(shooting, excess)
         here = nominal.pick(which)
         rough = part.fit([((), ())], here.starts, near=here)[0]
         chosen = select(part, effects, rough, tell=tell, depth=Depth(rounds=1))
         if chosen.best.effects and chosen.score.scale > NOISE_ALONE:
             sets, free = _leaders(chosen), chosen.score.free  # behind them another form may agree better
-            engine, shooting, nominal, judged = numerics.choose(segments, noise, nominal, nominal, sets)
-            part, here, there = shooting.pick(which), nominal.pick(which), judged.pick(which)
+            engine, shooting, nominal, judged = numerics.choose(shooting.segments, noise, nominal, nominal, sets)
+            part, which = _part(shooting, excess)
+            here, there = nominal.pick(which), judged.pick(which)
             seen = part.fit([(there.effects, there.values)], there.starts, near=there)[0]
             others = _besides(sets, seen)
             chosen = select(part, effects, here, others, seen, tell, free, Depth(swaps=0))  # swaps come with all data
         sets, free = _leaders(chosen), chosen.score.free
-        halved = segments.size > _uncut(machine).size
-        near = halved and bool(segments.far_off(nominal.per_segment, _FAR / 4).any())
+        halved, used = segments.size > _uncut(machine).size, shooting.segments
+        near = halved and bool(used.far_off(nominal.per_segment, _FAR / 4).any())
         fewer = _longest(machine, numerics, noise, _TOO_FAR) if near else (segments, nominal)
         longer = fewer[0].size < segments.size
         if longer:
-            segments, nominal = fewer
+            used, nominal = fewer
         if longer or frozenset(chosen.best.effects) != frozenset(judged.effects):
-            engine, shooting, nominal, judged = numerics.choose(segments, noise, nominal, nominal, sets)
+            engine, shooting, nominal, judged = numerics.choose(used, noise, nominal, nominal, sets)
             sets = _besides(sets, judged)
     return _Start(engine, shooting, nominal, sets, judged, free)
+
+
+def _part(shooting: Shooting, excess: float) -> tuple[Shooting, NDArray[np.int64]]:
+    """The likelihood over so much of the data as the first names want, and which segments."""
+    return shooting.subset(max(_ENOUGH / excess, 0.2, _FEWEST / shooting.segments.size))
 
 
 def _again(
@@ -207,45 +205,9 @@ def _finish(
             tell("naming with the numerics seen behind the effects")
             rest = _besides(leaders, judged)
             selection = select(shooting, effects, bare, rest, judged, tell, selection.score.free)
-    _polish(shooting, selection, effects)
+    polish(shooting, selection, effects)
     fine, firm = engine is not numerics.given, numerics.sticks(engine)
     return Explanation(engine, shooting, selection, tuple(effects), fine, firm)
-
-
-def _polish(shooting: Shooting, selection: Selection, effects: Sequence[Effect]) -> None:
-    """The best set with all derivatives taken there, and its close rivals from the states and parameters that it found.
-
-    Sets that nothing tells apart reach the same chi2 only so, and each may show the others the way; what comes late
-    elsewhere is fitted from there too, for it may have been given up in a race.
-    """
-    for number in range(_POLISHES if selection.best.effects else 0):
-        best = selection.best
-        again = chained(shooting, shooting.fit([(best.effects, best.values)], best.starts)[0])
-        gained = best.chi2 - again.chi2 if again.plausible else 0.0
-        if again.plausible and gained > -_SETTLED:  # also where it gains nothing: its derivatives say how sure it is
-            selection.fits = [again if fit is best else fit for fit in selection.fits]
-            best = again
-        stuck = min(_SHORT * best.chi2, _OF_THE_GAIN * (selection.nominal.chi2 - best.chi2))
-        short = max(2.0 * gained, 0.0 if number else stuck, 0.0)
-        reach = selection.score(best) + _RIVAL + short / selection.score.scale
-        near = [fit for fit in selection.ranked()[:_NEAR] if fit is not best and selection.score(fit) < reach]
-        sets = [some for fit in near for some in _starts_of(fit, best)]
-        sets += [] if number else late_elsewhere(best, effects)
-        compare(shooting, selection, sets, best)
-        if gained <= _SETTLED and selection.score(selection.best) > selection.score(best) - _SETTLED:
-            break
-
-
-def _starts_of(fit: Fit, best: Fit) -> Sets:
-    """A set with its own parameters, and with those of the best one for what they share or contain, where that differs.
-
-    So a law begins no worse than the simpler one that it contains, where the rest is shared.
-    """
-    found = best.by_effect
-    shared = tuple(found.get(e, beginning(e, v, found.items())) for e, v in zip(fit.effects, fit.values, strict=True))
-    own = [(fit.effects, fit.values)]
-    far = any(not np.allclose(a, b, rtol=_ALIKE) for a, b in zip(shared, fit.values, strict=True))
-    return [*own, (fit.effects, shared)] if far else own
 
 
 def _leaders(selection: Selection) -> Sets:

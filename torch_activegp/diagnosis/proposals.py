@@ -13,7 +13,7 @@ from torch_activegp.diagnosis.fit import Fit
 from torch_activegp.diagnosis.merging import TWO_SIDED, merged, push
 from torch_activegp.diagnosis.runs import Array
 from torch_activegp.diagnosis.screening import Atom
-from torch_activegp.physics.actuation import ActuatorEffect
+from torch_activegp.physics.actuator import ActuatorEffect
 from torch_activegp.physics.effect import Effect
 from torch_activegp.physics.soft_friction import SOFT
 

@@ -205,14 +205,28 @@ def _expand(selection: Selection, shooting: Shooting, effects: Sequence[Effect],
 
 
 def _be_fair(selection: Selection, shooting: Shooting) -> None:
-    """Fits the nominal once more from the initial states of a best set that gains little: they may be all that does."""
-    best, nominal = selection.best, selection.nominal
-    if not best.effects or best is selection.beside or nominal.chi2 - best.chi2 > _LITTLE * shooting.dof:
+    """Fits the nominal, and the best set without each name, once more from its states where it gains little on them.
+
+    Other states may be all that gains: on a joint that sticks, or on the other side of an impact.
+    """
+    best, nominal, little = selection.best, selection.nominal, _LITTLE * shooting.dof
+    if not best.effects or best is selection.beside:
         return
     selection.beside = best
-    again = shooting.fit([((), ())], best.starts, near=best)[0]
-    if again.chi2 < nominal.chi2:
-        selection.nominal, selection.fits = again, [again if fit is nominal else fit for fit in selection.fits]
+    parts = [(), *(tuple(e for e in best.effects if e is not one) for one in best.effects if len(best.effects) > 1)]
+    known = [nominal if not part else selection.of(part) for part in parts]
+    values = best.by_effect
+    sets = [
+        (part, tuple(values[effect] for effect in part))
+        for part, fit in zip(parts, known, strict=True)
+        if fit is not None and fit.chi2 - best.chi2 < little
+    ]
+    again = shooting.fit(sets, best.starts, near=best)
+    selection.add([fit for fit in again if fit.effects])
+    bare = min((fit for fit in again if not fit.effects), key=lambda fit: fit.chi2, default=nominal)
+    if bare.chi2 < nominal.chi2:
+        selection.nominal, selection.fits = bare, [bare if fit is nominal else fit for fit in selection.fits]
+    if again:
         selection.rescale(shooting.dof)
 
 

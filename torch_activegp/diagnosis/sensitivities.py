@@ -12,7 +12,7 @@ from torch_activegp.diagnosis.inertial_forces import change, inertial_forces, wi
 from torch_activegp.diagnosis.linearize import Linearization
 from torch_activegp.diagnosis.runs import Array
 from torch_activegp.diagnosis.shooting import Shooting
-from torch_activegp.physics.actuation import ActuatorEffect
+from torch_activegp.physics.actuator import ActuatorEffect
 from torch_activegp.physics.effect import Effect
 from torch_activegp.physics.joint import JointEffect
 from torch_activegp.physics.play import Hysteresis

@@ -3,59 +3,14 @@
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Sequence
-from typing import ClassVar, Self
+from typing import Self
 
 import mujoco
 import numpy as np
 from scipy.signal import lfilter
 
-from torch_activegp.physics.effect import Acting, Array, Effect, Parameter, Place, element
-
-
-@dataclasses.dataclass(frozen=True, eq=False)
-class ActuatorEffect(Effect):
-    """Base of the effects on a control.
-
-    Args:
-        index: which control.
-        nominal_gain: the model's own factor from control to force.
-        drives: the joint that it acts on directly, ``joint:`` and its name, or nothing.
-        gear: from its force to the joint's.
-    """
-
-    index: int = 0
-    nominal_gain: float = 1.0
-    drives: str = ""
-    gear: float = 1.0
-
-    order: ClassVar[int] = 0
-    """Place in the chain from the command to the force, for several effects on one actuator."""
-
-    @classmethod
-    def make(
-        cls, place: Place, model: mujoco.MjModel, parameter: Parameter, seeds: Sequence[float], linear: int = 0
-    ) -> Self:
-        """Makes the effect for an actuator."""
-        fed = (model.actuator_ctrladr == place.index) & (model.actuator_ctrlnum > 0)
-        actuator = int(np.flatnonzero(fed)[0])
-        joint, kind = int(model.actuator_trnid[actuator, 0]), int(model.actuator_trntype[actuator])
-        direct = kind in (int(mujoco.mjtTrn.mjTRN_JOINT), int(mujoco.mjtTrn.mjTRN_JOINTINPARENT))
-        return cls(
-            place.target,
-            (parameter,),
-            np.array(seeds, dtype=float)[:, None],
-            index=place.index,
-            nominal_gain=float(model.actuator_gainprm[actuator, 0]),
-            drives=f"joint:{model.joint(joint).name or f'joint{joint}'}" if direct else "",
-            gear=float(model.actuator_gear[actuator, 0]),
-            linear=linear,
-        )
-
-    def actuator(self, spec: mujoco.MjSpec) -> mujoco.MjsActuator:
-        """The actuator in a model that is being edited."""
-        actuator: mujoco.MjsActuator = element(spec, spec.actuators, self.target)
-        return actuator
+from torch_activegp.physics.actuator import ActuatorEffect
+from torch_activegp.physics.effect import Acting, Array, Parameter, Place
 
 
 def _proportional(actuator: mujoco.MjsActuator) -> bool:
@@ -75,7 +30,7 @@ class ActuatorGain(ActuatorEffect):
 
     name = "actuator_gain"
     law = "g u"
-    order = 1
+    order = 4
 
     @classmethod
     def at(cls, place: Place, model: mujoco.MjModel) -> Self:
@@ -106,7 +61,7 @@ class ActuatorBias(ActuatorEffect):
 
     name = "actuator_bias"
     law = "u + b"
-    order = 2
+    order = 5
 
     @classmethod
     def at(cls, place: Place, model: mujoco.MjModel) -> Self:
@@ -160,7 +115,7 @@ class ActuatorSaturation(ActuatorEffect):
     name = "actuator_saturation"
     never_negative = frozenset({"limit"})
     law = "clip(u, -limit, limit)"
-    order = 4
+    order = 6
 
     @classmethod
     def at(cls, place: Place, model: mujoco.MjModel) -> Self:
@@ -181,16 +136,17 @@ class ActuatorSaturation(ActuatorEffect):
         return Acting(self.drives.partition(":")[2], f"ctrl.{self.item}", within) if self.drives else None
 
     def write(self, spec: mujoco.MjSpec, values: Array) -> bool:
-        """Writes ``forcerange`` where the control alone makes the force, else ``ctrlrange``."""
+        """Writes ``forcerange`` where the control alone makes the force, else ``ctrlrange`` where nothing else acts."""
         actuator, limit = self.actuator(spec), float(values[0])
         if not _proportional(actuator):
             return False
-        if actuator.dyntype == mujoco.mjtDyn.mjDYN_NONE and not any(actuator.biasprm[1:3]):
+        bias, filtered = self.nominal
+        if filtered == mujoco.mjtDyn.mjDYN_NONE and not any(actuator.biasprm[1:3]):
             limit *= abs(self.nominal_gain)
             actuator.forcerange = _narrower(actuator.forcerange, limit)
             actuator.forcelimited = mujoco.mjtLimited.mjLIMITED_TRUE
             return True
-        if actuator.gainprm[0] != self.nominal_gain:
+        if (actuator.gainprm[0], actuator.biasprm[0], int(actuator.dyntype)) != (self.nominal_gain, bias, filtered):
             return False
         actuator.ctrlrange = _narrower(actuator.ctrlrange, limit)
         actuator.ctrllimited = mujoco.mjtLimited.mjLIMITED_TRUE
@@ -209,7 +165,7 @@ class ActuatorLag(ActuatorEffect):
     name = "actuator_lag"
     never_negative = frozenset({"time_constant"})
     law = "T du'/dt = u - u'"
-    order = 5
+    order = 2
 
     @classmethod
     def at(cls, place: Place, model: mujoco.MjModel) -> Self:
@@ -258,7 +214,7 @@ class ActuatorDelay(ActuatorEffect):
     name = "actuator_delay"
     never_negative = frozenset({"seconds"})
     law = "u(t - T)"
-    order = 6
+    order = 1
 
     @classmethod
     def at(cls, place: Place, model: mujoco.MjModel) -> Self:

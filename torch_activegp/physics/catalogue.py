@@ -10,7 +10,8 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from torch_activegp.errors import ConfigurationError
-from torch_activegp.physics.actuation import ACTUATION, ActuatorEffect
+from torch_activegp.physics.actuation import ACTUATION
+from torch_activegp.physics.actuator import ActuatorEffect
 from torch_activegp.physics.effect import Array, Effect, Place
 from torch_activegp.physics.friction import FRICTION
 from torch_activegp.physics.inertia import ArmatureError, CenterOfMassOffset, GravityError

@@ -1,0 +1,54 @@
+from __future__ import annotations
+
+import dataclasses
+
+import numpy as np
+import pytest
+
+from torch_activegp.diagnosis import agreement
+from torch_activegp.diagnosis.agreement import Rival, first_close
+from torch_activegp.diagnosis.engine import Engine
+
+
+@pytest.fixture
+def forms(clean):
+    """The same model in one, two and four steps between rows."""
+    return [Engine(clean.engine.model, clean.engine.channels, steps, 1) for steps in (1, 2, 4)]
+
+
+def test_what_takes_fewer_steps_than_a_form_that_is_not_close_is_not_tried(clean, forms, monkeypatch) -> None:
+    tried = []
+
+    def listen(working, judged, exact):
+        tried.append(working.engine)
+        return False
+
+    monkeypatch.setattr(agreement, "is_close", listen)
+    few, some, many = forms
+    precise = dataclasses.replace(clean.shooting, engine=many)
+    for order, wanted in (((some, few, many), [some]), ((few, some, many), [few, some])):
+        tried.clear()
+        working, judged = first_close(precise, order, clean.nominal, None)
+        assert tried == wanted
+        assert working.engine is many and working.offset is None
+        assert np.isfinite(judged.chi2)
+
+
+def test_where_nothing_is_close_the_precise_fit_is_taken_as_it_is(clean, forms, monkeypatch) -> None:
+    monkeypatch.setattr(agreement, "is_close", lambda working, judged, exact: False)
+    few, _, many = forms
+    precise = dataclasses.replace(clean.shooting, engine=many)
+    exact = precise.fit([((), ())], clean.nominal.starts)[0]
+    before = many.work
+    working, judged = first_close(precise, (few, many), exact, exact)
+    assert working is precise and judged is exact
+    assert many.work - before == many.steps_in(clean.segments)  # the correction of the other form alone
+
+
+def test_a_rival_is_judged_by_what_no_initial_state_takes_away(clean, forms) -> None:
+    fit = clean.shooting.fit([((), ())], clean.nominal.starts)[0]
+    rival = Rival.at(clean.shooting, forms[-1], fit)
+    white = clean.shooting.residuals(rival.exact)
+    assert 0.0 < rival.left < float((white**2).sum())
+    moved = dataclasses.replace(fit, starts=fit.starts + 1e-4)
+    assert Rival.at(clean.shooting, forms[-1], moved).left == pytest.approx(rival.left, rel=0.01)

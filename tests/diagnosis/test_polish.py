@@ -1,0 +1,47 @@
+from __future__ import annotations
+
+import dataclasses
+
+import numpy as np
+
+from torch_activegp.diagnosis.compared import Selection
+from torch_activegp.diagnosis.polish import polish, starts_of
+from torch_activegp.diagnosis.score import Score
+
+
+def test_a_rival_begins_from_its_own_parameters_and_from_those_of_the_best(bench) -> None:
+    friction, push = bench.effect("viscous_friction"), bench.effect("constant_force")
+    best = bench.fit("viscous_friction", 0.06)
+    values = (np.array([0.03]), np.array([0.1]))
+    rival = dataclasses.replace(best, effects=(friction, push), values=values)
+    (_, own), (_, shared) = starts_of(rival, best)
+    assert own == values
+    assert shared == (best.values[0], values[1])
+    assert len(starts_of(dataclasses.replace(rival, values=(best.values[0], values[1])), best)) == 1
+
+
+def test_a_rival_that_contains_a_law_of_the_best_also_begins_as_that(bench) -> None:
+    """So that it never ends worse than what it contains; its shape stays."""
+    level = bench.fit("coulomb_friction", 0.05)
+    stribeck = bench.effect("stribeck_friction")
+    rival = dataclasses.replace(level, effects=(stribeck,), values=(np.array([0.2, 0.4, 0.3]),))
+    (_, own), (_, shared) = starts_of(rival, level)
+    np.testing.assert_array_equal(own[0], [0.2, 0.4, 0.3])
+    np.testing.assert_array_equal(shared[0], [level.values[0][0], 0.0, 0.3])
+
+
+def test_the_best_set_and_its_rivals_end_at_their_optimum(bench) -> None:
+    friction, push = bench.effect("viscous_friction"), bench.effect("constant_force")
+    optimum = bench.fit("viscous_friction", 0.05)
+    starts = optimum.starts.copy()
+    starts[2] += 0.002
+    short = bench.shooting.fit([((friction,), (np.array([0.05]),))], starts, rounds=0)[0]
+    values = (np.array([0.05]), np.array([0.0]))
+    rival = bench.shooting.fit([((friction, push), values)], starts, rounds=0)[0]
+    chosen = Selection(bench.nominal, [bench.nominal, short, rival], Score(bench.shooting.samples, 5, 1.0))
+    assert short.chi2 > optimum.chi2 + 20.0
+    polish(bench.shooting, chosen, [friction, push])
+    assert chosen.best.effects == (friction,)
+    assert abs(chosen.best.chi2 - optimum.chi2) < 0.5
+    again = chosen.of((friction, push))
+    assert again is not None and again.chi2 <= chosen.best.chi2 + 0.5

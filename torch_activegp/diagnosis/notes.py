@@ -1,0 +1,50 @@
+"""What a user should know of how the effects were found."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from torch_activegp.diagnosis.blackbox_engine import BlackBoxEngine
+from torch_activegp.diagnosis.explain import Explanation
+from torch_activegp.diagnosis.segments import Segments
+from torch_activegp.diagnosis.selection import Depth
+
+_MOST = 0.75
+"""Share of the recordings below which it is said: ends of runs and first rows of segments never count."""
+_CUT_SHORT = (
+    f"The search for effects ended when it had computed {Depth().work / 1e6:g} million time steps. Further ones on top "
+    "of those found, or others in their place, were not all tried."
+)
+
+
+def search_notes(explanation: Explanation) -> list[str]:
+    """What to know of the numerics, of the part of the data that was used, and of a search that was cut short."""
+    cut_short = [_CUT_SHORT] if explanation.selection.cut_short else []
+    return [*_numerics_note(explanation), *_part_note(explanation.shooting.segments), *cut_short]
+
+
+def _part_note(segments: Segments) -> list[str]:
+    share = float(np.diff(segments.scored).sum()) / sum(map(len, segments.runs))
+    if share > _MOST:
+        return []
+    return [
+        f"The effects were fitted to {100 * share:.0f}% of the recordings, evenly spread: simulating them all takes "
+        "long, and these tell enough. Intervals hold for this part."
+    ]
+
+
+def _numerics_note(explanation: Explanation) -> list[str]:
+    if not explanation.fine:
+        return []
+    engine = explanation.engine
+    if isinstance(engine, BlackBoxEngine):
+        return [
+            f"The recordings agree better with {engine.box.name} if its controls come half a time step later, as they "
+            "should where it integrates by semi-implicit Euler; that difference is discretisation and is not named. "
+            "The corrected simulator keeps the controls as they are."
+        ]
+    firmly = " and with dry friction in its joints that sticks firmly, where MuJoCo lets it creep" * explanation.firm
+    return [
+        "The recordings agree better with the model integrated more finely than its own time step of "
+        f"{engine.model.opt.timestep:g} s says{firmly}; that difference is one of numerics and is not named."
+    ]
