@@ -164,6 +164,20 @@ def test_what_only_undoes_a_tuning_frees_all_that_is_tunable(bench, monkeypatch,
     assert not _seems_tuned(Selection(bench.nominal, [bench.nominal, dry], score), bench.shooting, bench.effects)
 
 
+@pytest.mark.parametrize(("worse", "tuned"), [(6.0, True), (14.0, False)])
+def test_a_tuning_may_stand_behind_names_of_which_none_is_tunable(bench, monkeypatch, worse, tuned) -> None:
+    """A spring beside a damping that was tuned, for two others; not where they fit clearly worse."""
+    monkeypatch.setattr("torch_activegp.diagnosis.selection._only_undoes", lambda *_: True)
+    damping, spring = bench.effect("viscous_friction"), bench.effect("cubic_spring")
+    others = bench.effect("payload_mass", "body:rod"), bench.effect("quadratic_drag")
+    found = dataclasses.replace(bench.fit("viscous_friction", 0.05), effects=others, values=(np.ones(1),) * 2)
+    behind = dataclasses.replace(found, effects=(spring, damping), chi2=found.chi2 + worse)
+    selection = Selection(bench.nominal, [bench.nominal, found, behind], Score(bench.shooting.samples, 10_000, 1.0))
+    assert selection.best is found
+    assert _seems_tuned(selection, bench.shooting, bench.effects) == tuned
+    assert selection.best is (behind if tuned else found)
+
+
 @pytest.mark.parametrize("names", [("constant_force",), NAMES])
 def test_soft_friction_is_tried_where_nothing_comes_close_to_the_noise(bench, monkeypatch, names) -> None:
     asked: list[float] = []

@@ -47,6 +47,9 @@ _PATIENCE = 30e6
 """Cases that end right compute a few million time steps for a search, and 18 million at most. What no effect on the
 list explains would compute ever more."""
 _MORE = 20.0
+_AS_WELL = 10.0
+"""Chi2 beyond the price of its parameters by which a tuning undone may fit worse than a name that stands for it: beside
+a cubic spring, a payload for a gain, a damping and a force fitted worse by 320, and was named."""
 _LITTLE = 0.05
 """Per degree of freedom. Where nothing was missing, on a valve that sticks and slips, a stop gained 0.016 so."""
 
@@ -168,12 +171,16 @@ def _resorts(
 
 
 def _seems_tuned(selection: Selection, shooting: Shooting, effects: Sequence[Effect]) -> bool:
-    """Whether what is tunable in the best set only undoes a tuning; then nothing that is tunable costs a name."""
-    named = selection.score
-    if not any(effect.tunable for effect in selection.best.effects):
-        return False
+    """Whether what is tunable in the best set only undoes a tuning; then nothing that is tunable costs a name.
+
+    So it may in a set that is the best where it costs none, and fits as well as the best one that has nothing tunable.
+    """
+    named, found = selection.score, selection.best
     selection.score = dataclasses.replace(named, free=frozenset(e.key for e in effects if e.tunable))
-    if not _only_undoes(selection, shooting):
+    best = selection.best
+    more = named.a_parameter * (best.size - found.size) - _AS_WELL
+    fits = best.chi2 + named.scale * more < found.chi2 or any(effect.tunable for effect in found.effects)
+    if not fits or not any(effect.tunable for effect in best.effects) or not _only_undoes(selection, shooting):
         selection.score = named
     return bool(selection.score.free)
 
