@@ -16,7 +16,7 @@ from torch_activegp.diagnosis.noise_model import NoiseModel
 from torch_activegp.diagnosis.score import Score
 from torch_activegp.diagnosis.screening import screen
 from torch_activegp.diagnosis.segments import cut
-from torch_activegp.diagnosis.selection import Depth, _be_fair, _expand, _only_undoes, _search, _seems_tuned, select
+from torch_activegp.diagnosis.selection import Depth, _be_fair, _expand, _only_undoes, _seems_tuned, search, select
 from torch_activegp.diagnosis.shooting import Shooting
 
 NAMES = ("viscous_friction", "coulomb_friction", "quadratic_drag", "constant_force", "armature_error")
@@ -147,7 +147,7 @@ def test_two_names_that_leave_most_are_no_end(bench) -> None:
     selection.rescale(bench.shooting.dof)
     effects = [bench.effect("viscous_friction"), *astray]
     done = {frozenset(some) for some in (astray, astray[:1], astray[1:])}
-    _search(selection, bench.shooting, effects, done, lambda words: None, Depth())
+    search(selection, bench.shooting, effects, done, lambda words: None, Depth())
     assert selection.best.keys == {("viscous_friction", "joint:hip")}
 
 
@@ -259,7 +259,7 @@ def test_what_costs_more_than_a_best_that_leaves_noise_alone_is_not_developed(
     monkeypatch.setattr(Selection, "may_pay", lambda *_: True)
     seen = []
     monkeypatch.setattr("torch_activegp.diagnosis.selection._expand", lambda *args: seen.append(args[3]))
-    _search(selection, bench.shooting, [], {frozenset(wet.effects)}, lambda words: None, Depth(swaps=0))
+    search(selection, bench.shooting, [], {frozenset(wet.effects)}, lambda words: None, Depth(swaps=0))
     assert len([fit for fit in seen if fit is more]) == developed
 
 
@@ -270,7 +270,7 @@ def test_what_cannot_pay_is_not_developed(bench, monkeypatch) -> None:
     monkeypatch.setattr("torch_activegp.diagnosis.selection._expand", lambda *args: seen.append(args[3]))
     for pays in (False, True):
         monkeypatch.setattr(Selection, "may_pay", lambda *_, pays=pays: pays)
-        _search(selection, bench.shooting, [], set(), lambda words: None, Depth(rounds=2, swaps=0))
+        search(selection, bench.shooting, [], set(), lambda words: None, Depth(rounds=2, swaps=0))
         assert [fit is wet for fit in seen] == [True] * pays
 
 

@@ -24,6 +24,7 @@ from torch_activegp.diagnosis.runs import Array, median_step
 from torch_activegp.diagnosis.segments import Segments, cut, halve
 from torch_activegp.diagnosis.selection import NOISE_ALONE, Depth, select
 from torch_activegp.diagnosis.shooting import Shooting
+from torch_activegp.diagnosis.weak import also_weak
 from torch_activegp.physics.effect import Effect
 
 SECONDS = 1.0
@@ -115,7 +116,7 @@ def explain(
             if other is None:
                 break
             start, selection = _again(machine, numerics, start, selection, other, effects, tell)
-        return start, selection
+        return start, also_weak(start.shooting, selection, effects, tell)
 
     def finish() -> Explanation:
         return _finish(numerics, effects, *keep.once("naming on all data", name), tell)
@@ -205,6 +206,7 @@ def _finish(
             tell("naming with the numerics seen behind the effects")
             rest = _besides(leaders, judged)
             selection = select(shooting, effects, bare, rest, judged, tell, selection.score.free)
+            selection = also_weak(shooting, selection, effects, tell)
     polish(shooting, selection, effects)
     fine, firm = engine is not numerics.given, numerics.sticks(engine)
     return Explanation(engine, shooting, selection, tuple(effects), fine, firm)

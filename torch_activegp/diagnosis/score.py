@@ -38,6 +38,7 @@ class Score:
         mismatch: what there is to explain: the nominal's chi2 above the noise.
         free: (name, target) pairs of what seems to be tuned already: they are no names, and cost their parameters.
         hides_colour: whether noise may be filtered and nobody sees it, :attr:`Shooting.hides_colour`.
+        material: part of the mismatch that a name must explain.
 
     Reference: Chen, Chen, *Extended Bayesian Information Criteria for Model Selection with Large Model Spaces*,
     Biometrika 95 (2008).
@@ -49,6 +50,7 @@ class Score:
     mismatch: float = 0.0
     free: frozenset[tuple[str, str]] = frozenset()
     hides_colour: bool = False
+    material: float = MATERIAL
 
     def __call__(self, fit: Fit) -> float:
         """Extended BIC; smaller is better."""
@@ -90,7 +92,7 @@ class Score:
         A part of the mismatch; or of what is left, where all that was found leaves much more than noise: a nominal that
         runs away without friction makes any other finding look small.
         """
-        material = 0.5 * MATERIAL * self.mismatch / self.scale
+        material = 0.5 * self.material * self.mismatch / self.scale
         return min(material, 0.5 * OF_THE_REST * self.samples) if self.inadequate else material
 
     @property

@@ -102,21 +102,21 @@ def select(
         selection.add(shooting.fit(sets, near.starts, near=near))
         selection.rescale(shooting.dof)
     expanded: set[frozenset[Effect]] = set()
-    _search(selection, shooting, effects, expanded, tell, depth)
+    search(selection, shooting, effects, expanded, tell, depth)
     found = selection.best
     if not selection.cut_short:
         try_tuned(selection, shooting, effects)
     tuned = not selection.score.free and _seems_tuned(selection, shooting, effects)
     if tuned or selection.best is not found:
         _simplify(selection, shooting, effects)
-        _search(selection, shooting, effects, expanded, tell, depth)
+        search(selection, shooting, effects, expanded, tell, depth)
     if selection.score.free and not _only_undoes(selection, shooting):
         selection.score = dataclasses.replace(selection.score, free=frozenset())
-        _search(selection, shooting, effects, expanded, tell, depth)
+        search(selection, shooting, effects, expanded, tell, depth)
     return selection
 
 
-def _search(
+def search(
     selection: Selection,
     shooting: Shooting,
     effects: Sequence[Effect],
