@@ -19,7 +19,7 @@ NAMES = ("viscous_friction", "constant_force", "linear_spring", "armature_error"
 def recorded(clean, push: float) -> tuple[Shooting, Selection]:
     """A likelihood of much viscous friction and a push, and what is chosen where all but the push is on the list."""
     damping, force = clean.effect("viscous_friction"), clean.effect("constant_force")
-    truth = Candidate((damping, force), (np.array([0.2]), np.array([push])))
+    truth = Candidate((damping, force), (np.array([0.02]), np.array([push])))
     own = clean.engine.predict(clean.segments, clean.nominal.starts[None], [truth])[0][0]
     noise = NOISE * np.random.default_rng(0).normal(size=own.shape)
     segments = dataclasses.replace(clean.segments, position=own + noise)
@@ -29,20 +29,20 @@ def recorded(clean, push: float) -> tuple[Shooting, Selection]:
 
 
 def test_what_is_weak_is_named_where_only_noise_is_left_behind_it(clean) -> None:
-    shooting, chosen = recorded(clean, 0.002)
+    shooting, chosen = recorded(clean, 0.0025)
     assert {name for name, _ in chosen.best.keys} == {"viscous_friction"}
     assert 1.05 < chosen.score.scale < 1.5
     stages: list[str] = []
     found = also_weak(shooting, chosen, [clean.effect(name) for name in NAMES], stages.append)
     assert {name for name, _ in found.best.keys} == {"viscous_friction", "constant_force"}
-    assert found.best.by_effect[clean.effect("constant_force")][0] == pytest.approx(0.002, rel=0.3)
+    assert found.best.by_effect[clean.effect("constant_force")][0] == pytest.approx(0.0025, rel=0.3)
     assert stages[0] == "testing what is weak"
     assert {name for name, _ in chosen.best.keys} == {"viscous_friction"}
 
 
 def test_what_is_weak_has_no_name_where_more_is_left(clean) -> None:
     """A rotor's inertia stands for a part of the push."""
-    shooting, chosen = recorded(clean, 0.002)
+    shooting, chosen = recorded(clean, 0.0025)
     assert also_weak(shooting, chosen, [clean.effect(n) for n in ("viscous_friction", "armature_error")]) is chosen
 
 
