@@ -19,7 +19,7 @@ NAMES = ("viscous_friction", "constant_force", "linear_spring", "armature_error"
 def recorded(clean, push: float) -> tuple[Shooting, Selection]:
     """A likelihood of much viscous friction and a push, and what is chosen where all but the push is on the list."""
     damping, force = clean.effect("viscous_friction"), clean.effect("constant_force")
-    truth = Candidate((damping, force), (np.array([0.02]), np.array([push])))
+    truth = Candidate((damping, force), (np.array([0.03]), np.array([push])))
     own = clean.engine.predict(clean.segments, clean.nominal.starts[None], [truth])[0][0]
     noise = NOISE * np.random.default_rng(0).normal(size=own.shape)
     segments = dataclasses.replace(clean.segments, position=own + noise)
