@@ -16,7 +16,7 @@ def forms(clean):
     return [Engine(clean.engine.model, clean.engine.channels, steps, 1) for steps in (1, 2, 4)]
 
 
-def test_what_takes_fewer_steps_than_a_form_that_is_not_close_is_not_tried(clean, forms, monkeypatch) -> None:
+def test_what_takes_longer_steps_than_a_form_that_is_not_close_is_not_tried(clean, forms, monkeypatch) -> None:
     tried = []
 
     def listen(working, judged, exact):
@@ -32,6 +32,10 @@ def test_what_takes_fewer_steps_than_a_form_that_is_not_close_is_not_tried(clean
         assert tried == wanted
         assert working.engine is many and working.offset is None
         assert np.isfinite(judged.chi2)
+    leap = Engine(clean.engine.model, clean.engine.channels, 1, 1, late=True)  # another scheme says nothing of it
+    tried.clear()
+    first_close(precise, (some, leap, many), clean.nominal, None)
+    assert tried == [some, leap]
 
 
 def test_where_nothing_is_close_the_precise_fit_is_taken_as_it_is(clean, forms, monkeypatch) -> None:

@@ -5,7 +5,8 @@ import numpy as np
 import pytest
 
 from torch_activegp.diagnosis.correction import Form, corrected_xml
-from torch_activegp.physics import Effect
+from torch_activegp.physics import Effect, Place
+from torch_activegp.physics.actuation import ActuatorGain, ActuatorSaturation
 
 
 @pytest.fixture
@@ -44,6 +45,15 @@ def test_what_mjcf_cannot_hold_is_said(bench, spec) -> None:
     text, held, _ = corrected_xml(spec, both, [np.array([0.02]), np.array([0.1])], None)
     assert held == [False, True]
     assert mujoco.MjModel.from_xml_string(text).dof_damping[0] == pytest.approx(0.1)
+
+
+def test_effects_on_a_drive_are_written_in_its_chain(bench) -> None:
+    """A servo's file limits the control, which is right only where no gain stands before the limit."""
+    servo = mujoco.MjSpec.from_string(bench.xml.replace("<motor ", '<position kp="3" '))
+    model, place = servo.compile(), Place("actuator:drive", 0, control=1.0)
+    effects = [ActuatorSaturation.at(place, model), ActuatorGain.at(place, model)]
+    _, held, _ = corrected_xml(servo, effects, [np.array([0.5]), np.array([0.2])], None)
+    assert held == [False, True]
 
 
 def test_without_effects_the_model_stays_the_same(spec) -> None:

@@ -154,6 +154,22 @@ def test_of_much_data_that_takes_long_a_part_is_simulated(bench, monkeypatch) ->
     assert shooting.engine.steps_in(shooting.segments) <= steps
     assert len(nominal.starts) == len(judged.starts) == shooting.segments.size
     assert judged.values[0][0] == pytest.approx(bench.viscous, rel=0.05)
+    monkeypatch.setattr(numerics, "_JUDGES", bench.segments.size)
+    assert made.choose(*given)[1].segments.size == bench.segments.size
+
+
+def test_discretisation_alone_tells_nothing(clean, monkeypatch) -> None:
+    """A fit of the nominal by a coarse form leaves much, and nothing is missing."""
+    made = Numerics.of(clean.integrated("Euler", 0.01), 1)
+    shooting = truth_of(clean, made, "fine", 0.1)
+    coarse = shooting.fit([((), ())], clean.nominal.starts)[0]
+    monkeypatch.setattr(numerics, "_JUDGES", 1)
+    monkeypatch.setattr(numerics, "_AFFORDED", 1.0)
+    monkeypatch.setattr(numerics, "_PLENTY", 0.5 * coarse.chi2)
+    assert coarse.chi2 > 10 * shooting.dof
+    _, working, _, judged = made.choose(shooting.segments, shooting.noise, coarse, coarse)
+    assert working.segments.size == shooting.segments.size
+    assert judged.chi2 / working.dof == pytest.approx(1.0, abs=0.2)
 
 
 @pytest.mark.parametrize("fair", [True, False])

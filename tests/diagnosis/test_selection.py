@@ -82,10 +82,11 @@ def test_a_name_less_is_fitted_again_from_the_states_of_a_best_set_that_gains_li
     assert chosen.best.effects == (one,)
     assert chosen.best.chi2 < both.chi2 + 5.0
     assert chosen.of((other,)) is None  # what was not compared is not now
-    count = len(chosen.fits)
-    chosen.beside = chosen.best
-    _be_fair(chosen, bench.shooting)
-    assert len(chosen.fits) == count
+    once = Selection(bench.nominal, [bench.nominal, short, both], Score(bench.shooting.samples, 5, 1.0), beside=both)
+    work = bench.shooting.work
+    _be_fair(once, bench.shooting)
+    assert bench.shooting.work == work
+    assert once.best is both
 
 
 def test_whatever_becomes_the_best_is_compared_fairly(bench, monkeypatch) -> None:

@@ -5,8 +5,10 @@ import dataclasses
 import numpy as np
 import pytest
 
+from torch_activegp.diagnosis import weak
 from torch_activegp.diagnosis.compared import Selection
 from torch_activegp.diagnosis.engine import Candidate
+from torch_activegp.diagnosis.judge import judge
 from torch_activegp.diagnosis.noise_model import NoiseModel
 from torch_activegp.diagnosis.selection import select
 from torch_activegp.diagnosis.shooting import Shooting
@@ -36,14 +38,17 @@ def test_what_is_weak_is_named_where_only_noise_is_left_behind_it(clean) -> None
     found = also_weak(shooting, chosen, [clean.effect(name) for name in NAMES], stages.append)
     assert {name for name, _ in found.best.keys} == {"viscous_friction", "constant_force"}
     assert found.best.by_effect[clean.effect("constant_force")][0] == pytest.approx(0.0025, rel=0.3)
+    assert {effect.name for effect in judge(shooting, found).named} == {"viscous_friction", "constant_force"}
     assert stages[0] == "testing what is weak"
     assert {name for name, _ in chosen.best.keys} == {"viscous_friction"}
 
 
-def test_what_is_weak_has_no_name_where_more_is_left(clean) -> None:
-    """A rotor's inertia stands for a part of the push."""
+def test_what_is_weak_has_no_name_where_more_than_noise_is_left_behind_it(clean, monkeypatch) -> None:
     shooting, chosen = recorded(clean, 0.0025)
-    assert also_weak(shooting, chosen, [clean.effect(n) for n in ("viscous_friction", "armature_error")]) is chosen
+    effects = [clean.effect(name) for name in NAMES]
+    monkeypatch.setattr(weak, "DOUBT", 1.1)  # nothing is noise
+    assert also_weak(shooting, chosen, effects) is chosen
+    assert also_weak(shooting, dataclasses.replace(chosen, cut_short=True), effects).cut_short
 
 
 def test_nothing_weak_is_looked_for_where_noise_alone_is_left(clean) -> None:

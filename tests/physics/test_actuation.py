@@ -126,6 +126,16 @@ def test_an_existing_limit_stays_where_it_is_narrower(bench: Any) -> None:
     np.testing.assert_array_equal(spec.compile().actuator_forcerange[0], [-0.3, 0.5])
 
 
+def test_a_limit_leaves_a_drives_own_constant_force_outside(bench: Any) -> None:
+    own = bench.xml.replace(
+        '<motor name="drive" joint="shoulder" gear="2"/>',
+        '<general name="drive" joint="shoulder" gear="2" biastype="affine" biasprm="0.3 0 0"/>',
+    )
+    machine = dataclasses.replace(bench, xml=own)
+    effect, values = ActuatorSaturation.at(machine.drive, machine.model), [0.5]
+    assert machine.gap(machine.hooks(effect, values), machine.written(effect, values)) < 1e-4
+
+
 def test_gain_bias_limit_and_dead_zone_are_their_formulas(bench: Any) -> None:
     u, dt, model = np.linspace(-1.0, 1.0, 9), np.full(9, 0.01), bench.model
     at = {kind: kind.at(bench.servo, model) for kind in ACTUATION}

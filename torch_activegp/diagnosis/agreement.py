@@ -15,12 +15,15 @@ from torch_activegp.diagnosis.runs import Array
 from torch_activegp.diagnosis.shooting import Shooting
 
 _CLOSE = 30.0
+"""How far forms may be apart, in units of the noise, but for what initial states absorb."""
 _ROUGHLY = 0.1
 """Where a fit leaves much more than the noise, an error of so much of what it leaves is close too."""
 _SETTLED = 0.01
+"""Part of chi2 by which a correction must change a fit for another one."""
 _ROUNDS = 6
 """Corrections of a form at most, while its fit gets better and leaves little more than noise; else two."""
 _SAME = 0.02
+"""Part of chi2 by which fits may differ that are called the same."""
 _MUCH = 2.0
 """Times the noise: what leaves less is near it."""
 
@@ -60,14 +63,16 @@ def first_close(
     """The first form that stays close to a precise one, the last of them, corrected by it; and its fit.
 
     Where the precise form was fitted (`exact`), what stands in must fit as well. `predicted` is what it says where the
-    fits begin, where that is known; nothing more is done from a chi2 of `lost` on. What takes fewer steps than a form
-    that was not close is not tried.
+    fits begin, where that is known; nothing more is done from a chi2 of `lost` on. What takes longer steps than a form
+    of the same scheme that was not close is not tried.
     """
-    engine, working, judged, fewest = precise.engine, precise, begin, 0.0
+    engine, working, judged = precise.engine, precise, begin
+    tried: dict[tuple[bool, int], float] = {}
     for cheap in forms:
-        steps = cheap.steps_in(precise.segments)
-        if steps < fewest and cheap is not engine:
+        scheme, steps = (cheap.late, int(cheap.model.opt.integrator)), cheap.steps_in(precise.segments)
+        if steps < tried.get(scheme, 0.0) and cheap is not engine:
             continue
+        tried[scheme] = steps
         if cheap is engine and exact is not None:
             return precise, exact
         known = predicted if judged is begin else None
@@ -77,7 +82,7 @@ def first_close(
             continue
         if judged.chi2 > lost or working.offset is None or is_close(working, judged, exact or engine):
             break
-        judged, fewest = exact or judged, max(fewest, steps)
+        judged = exact or judged
     return working, judged
 
 

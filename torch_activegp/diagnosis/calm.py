@@ -64,6 +64,11 @@ class CalmEngine(Engine):
         self.work += self._calm.work
         return out
 
+    def steps_in(self, segments: Segments) -> float:
+        """Time steps of one simulation of some segments by effects that want no short steps themselves."""
+        part = float(self.touched(segments).mean())
+        return part * super().steps_in(segments) + (1.0 - part) * self._calm.steps_in(segments)
+
     def touched(self, segments: Segments) -> NDArray[np.bool_]:
         """In which segments something touches, ``(S,)``."""
         out = np.zeros(segments.size, dtype=bool)

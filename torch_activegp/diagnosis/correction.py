@@ -56,7 +56,7 @@ def corrected_xml(
             if joint.frictionloss > 0.0:
                 write_sharp(joint, numerics.step)
     held: list[bool | None] = [None] * len(effects)
-    for i in sorted(range(len(effects)), key=lambda i: getattr(effects[i], "order", 0)):  # a drive's in their chain
+    for i in sorted(range(len(effects)), key=lambda i: effects[i].order):  # a drive's in their chain
         held[i] = effects[i].write(edited, np.asarray(values[i]))
     if effects and not any(held):
         return None, held, None

@@ -140,7 +140,8 @@ def judge(shooting: Shooting, selection: Selection) -> Judgement:
     named, retuned = _split(shooting, selection, rivals)
     order, shares = _shares(shooting, selection, named, 1.0 - unexplained)
     score = selection.score
-    least = min(LEAST_SHARE, 2.0 * score.least * score.scale / max(gain, 1e-300)) if score.inadequate else LEAST_SHARE
+    worth = 2.0 * score.least * score.scale / max(gain, 1e-300) if score.inadequate else score.material
+    least = min(LEAST_SHARE, worth)
     kept = [i for i, share in enumerate(shares) if share >= least] or [0]
     retuned = (*retuned, *(effect for i, effect in enumerate(order) if i not in kept))
     order, shares = tuple(order[i] for i in kept), tuple(shares[i] for i in kept)

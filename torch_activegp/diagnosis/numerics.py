@@ -6,6 +6,7 @@ import dataclasses
 from collections.abc import Sequence
 
 import numpy as np
+from numpy.typing import NDArray
 
 from torch_activegp.diagnosis.agreement import Rival, bar, first_close, same, settled, unabsorbed
 from torch_activegp.diagnosis.engine import Engine
@@ -33,8 +34,7 @@ _CREEPS = 12
 """Rounds for the nominal's fit behind a set: one that is far off creeps, and what is near is fitted once more later."""
 _AFFORDED, _PLENTY = 80e3, 30e3
 """Where simulating all segments once takes more time steps than this, as many are taken as take so many and leave so
-much chi2 above the noise: an effect of half a percent of that still gains 150. A valve of dry friction recorded to
-0.05 mrad took 280 thousand."""
+much chi2 above the noise, of which 0.1 % is 30. A valve of dry friction recorded to 0.05 mrad took 280 thousand."""
 _NEAR, _LOST = 2.0, 4.0
 """Where a form leaves less than so many times the noise, others that leave so many times as much are given up."""
 _LIKE_A_TIME_STEP = frozenset({"actuator_delay", "actuator_lag", "sensor_delay"})
@@ -101,7 +101,8 @@ class Numerics(Forms):
         if known is not None and engine is known[0] and judged.effects == near.effects:
             return *known, nominal, near
         if first.segments.size < segments.size:
-            whole, near, nominal = _enough(whole, working.engine, near, nominal)
+            part = _telling(whole, working, nominal, nominal.pick(which))
+            whole, near, nominal = whole.pick(part), near.pick(part), nominal.pick(part)
             begin = dataclasses.replace(near, effects=judged.effects, values=judged.values, columns=None)
             working, judged = self._on_all(dataclasses.replace(whole, engine=working.engine), engine, begin)
         bare = working.fit([((), ())], nominal.starts, _CREEPS, near=nominal)[0] if sets else judged
@@ -191,13 +192,22 @@ class Numerics(Forms):
         return [*sorted(cheap[:-1], key=far), cheap[-1]]
 
 
-def _enough(whole: Shooting, engine: Engine, near: Fit, nominal: Fit) -> tuple[Shooting, Fit, Fit]:
-    """Segments, evenly spread, that tell enough where simulating all takes long, and two fits there."""
-    share = max(_AFFORDED / engine.steps_in(whole.segments), _PLENTY / max(nominal.chi2 - whole.dof, 1.0))
+def _telling(whole: Shooting, working: Shooting, nominal: Fit, here: Fit) -> NDArray[np.int64]:
+    """Segments, evenly spread, that tell enough where simulating all takes long; else all.
+
+    Args:
+        whole: the likelihood over all segments.
+        working: that over some, by the form to simulate with.
+        nominal: a fit of the nominal to all, by any form.
+        here: the same fit over those of `working`.
+    """
+    segments = whole.segments
+    share = max(_AFFORDED / working.engine.steps_in(segments), max(_JUDGES, 2 * len(segments.runs)) / segments.size)
     if share >= 1.0:
-        return whole, near, nominal
-    part, which = whole.subset(share)
-    return part, near.pick(which), nominal.pick(which)
+        return np.arange(segments.size)
+    bare = working.fit([((), ())], here.starts, _CREEPS, near=here)[0]  # discretisation alone tells nothing
+    excess = (min(bare.chi2, nominal.chi2 * working.dof / whole.dof) - working.dof) * whole.dof / working.dof
+    return whole.subset(min(max(share, _PLENTY / max(excess, 1.0)), 1.0))[1]
 
 
 def _just(working: Shooting, precise: Shooting, nominal: Fit, bare: Fit, judged: Fit) -> tuple[Shooting, Fit, Fit]:
@@ -213,8 +223,11 @@ def _just(working: Shooting, precise: Shooting, nominal: Fit, bare: Fit, judged:
         bare: the nominal's fit by the form.
         judged: the set's.
     """
-    most = float((precise.residual_of(nominal) ** 2).sum())
-    if working.engine is precise.engine or bare.chi2 < most + same(precise, most):
+    if working.engine is precise.engine:
         return working, bare, judged
-    fits = [precise.fit([(fit.effects, fit.values)], fit.starts, near=fit)[0] for fit in (nominal, judged)]
-    return precise, fits[0], fits[1]
+    most = float((precise.residuals(precise.predicted(nominal)) ** 2).sum())
+    if not np.isfinite(most) or bare.chi2 < most + same(precise, most):
+        return working, bare, judged
+    first, other = (precise.fit([(fit.effects, fit.values)], fit.starts, near=fit)[0] for fit in (nominal, judged))
+    sound = np.isfinite(first.chi2) and np.isfinite(other.chi2)
+    return (precise, first, other) if sound else (working, bare, judged)

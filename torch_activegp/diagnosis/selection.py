@@ -173,7 +173,7 @@ def _resorts(
 def _seems_tuned(selection: Selection, shooting: Shooting, effects: Sequence[Effect]) -> bool:
     """Whether what is tunable in the best set only undoes a tuning; then nothing that is tunable costs a name.
 
-    So it may in a set that is the best where it costs none, and fits as well as the best one that has nothing tunable.
+    Where the best set has nothing tunable, the one that would be the best if that cost no name must fit as well.
     """
     named, found = selection.score, selection.best
     selection.score = dataclasses.replace(named, free=frozenset(e.key for e in effects if e.tunable))
@@ -230,7 +230,7 @@ def _be_fair(selection: Selection, shooting: Shooting) -> None:
     ]
     again = shooting.fit(sets, best.starts, near=best)
     selection.add([fit for fit in again if fit.effects])
-    bare = min((fit for fit in again if not fit.effects), key=lambda fit: fit.chi2, default=nominal)
+    bare = next((fit for fit in again if not fit.effects), nominal)
     if bare.chi2 < nominal.chi2:
         selection.nominal, selection.fits = bare, [bare if fit is nominal else fit for fit in selection.fits]
     if again:

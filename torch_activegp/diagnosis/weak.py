@@ -12,14 +12,16 @@ from torch_activegp.diagnosis.shooting import Shooting
 from torch_activegp.physics.effect import Effect
 
 _MATERIAL = 0.001
+"""Part of the mismatch that is enough for a name here."""
 _NEAR_NOISE = 1.5
-_ROUNDS = 3
+"""Times the noise: where no set comes closer to it, none leaves noise alone."""
+_DEPTH = Depth(rounds=3, swaps=1, work=10e6)
 
 
 def also_weak(
     shooting: Shooting, selection: Selection, effects: Sequence[Effect], tell: Callable[[str], None] = lambda _: None
 ) -> Selection:
-    """The selection with what is weak, where the best set leaves a little that is no noise, and that names it wholly.
+    """Sets with what is weak, where the best one leaves a little that is no noise and one of these leaves noise alone.
 
     Simulators differ by some thousandths of a large mismatch, so what explains no more is no name
     (:data:`~torch_activegp.diagnosis.score.MATERIAL`). But no such difference becomes noise by one more effect: a
@@ -32,7 +34,7 @@ def also_weak(
         tell: hears what is being done.
 
     Returns:
-        The same selection where nothing weak was found.
+        The same selection where nothing weak was found; else one whose best set has more names, perhaps others.
     """
     best, score = selection.best, selection.score
     if not best.effects or score.scale > _NEAR_NOISE or score.least < score.a_parameter or selection.cut_short:
@@ -42,6 +44,7 @@ def also_weak(
     tell("testing what is weak")
     weak = dataclasses.replace(selection, fits=list(selection.fits))
     weak.score = dataclasses.replace(score, material=_MATERIAL)
-    search(weak, shooting, effects, set(), tell, Depth(rounds=_ROUNDS, swaps=1, work=shooting.work + Depth().work))
+    search(weak, shooting, effects, set(), tell, _DEPTH._replace(work=shooting.work + _DEPTH.work))
+    weak.cut_short = selection.cut_short  # this one looks for more than is promised
     more = weak.score.names_in(weak.best.effects) > score.names_in(best.effects)
     return weak if more and omnibus(shooting, weak.best).p_value > DOUBT else selection

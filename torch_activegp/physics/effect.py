@@ -112,6 +112,8 @@ class Effect:
     """Names of effects on the same target that this one contains."""
     never_negative: ClassVar[frozenset[str]] = frozenset()
     """Described parameters of which no machine has less than none; their intervals say so."""
+    order: ClassVar[int] = 0
+    """Place in the chain of a drive, where it acts on one."""
     losses: ClassVar[frozenset[str]] = frozenset()
     """Described amplitudes of what a machine has or has not: where all are negative, the simulator has too much."""
 
