@@ -65,26 +65,6 @@ def test_gain_bias_and_limit_fit_in_one_file_in_any_order(bench: Any) -> None:
         assert bench.gap(wanted, bench.run(spec.compile())) < 1e-9
 
 
-def test_a_drives_whole_chain_is_that_of_the_models_file(bench: Any) -> None:
-    """A delay and a lag of the control, then gain, bias and limit of the force."""
-    kinds = {ActuatorSaturation: [0.9], ActuatorBias: [0.25], ActuatorLag: [0.05], ActuatorDelay: [0.02]}
-    chain = [(kind.at(bench.drive, bench.model), np.array(values)) for kind, values in kinds.items()]
-    gain = (ActuatorGain.at(bench.drive, bench.model), np.array([0.4]))
-    chain = sorted([*chain, gain], key=lambda pair: pair[0].order)
-    control = bench.control[None, None].copy()
-    for effect, values in chain:
-        effect.control(control, np.full((1, 1000), 1e-3), values[None])
-    spec = bench.spec
-    assert all(effect.write(spec, values) for effect, values in chain)
-    written = bench.run(spec.compile())
-    assert bench.gap(bench.run(bench.model, control[0, 0]), written) < 5e-3
-    limit = ActuatorSaturation.at(bench.drive, bench.model)  # before the lag it would cut off less
-    before = bench.control[None, None].copy()
-    for effect, values in [(limit, np.array([0.9])), *chain[:-1]]:
-        effect.control(before, np.full((1, 1000), 1e-3), values[None])
-    assert bench.gap(bench.run(bench.model, before[0, 0]), written) > 0.02
-
-
 @pytest.mark.parametrize("kind", [ActuatorGain, ActuatorBias, ActuatorLag])
 def test_a_servos_limit_fits_beside_nothing_that_acts_before_it(bench: Any, kind: Any) -> None:
     """Its file limits the control as it comes, not what the drive makes of it."""
