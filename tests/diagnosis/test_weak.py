@@ -19,7 +19,7 @@ NAMES = ("viscous_friction", "constant_force", "linear_spring", "armature_error"
 
 
 def recorded(clean, push: float) -> tuple[Shooting, Selection]:
-    """A likelihood of much viscous friction and a push, and what is chosen where all but the push is on the list."""
+    """A likelihood of much viscous friction and a weak push, and what is chosen."""
     damping, force = clean.effect("viscous_friction"), clean.effect("constant_force")
     truth = Candidate((damping, force), (np.array([0.03]), np.array([push])))
     own = clean.engine.predict(clean.segments, clean.nominal.starts[None], [truth])[0][0]
@@ -48,7 +48,10 @@ def test_what_is_weak_has_no_name_where_more_than_noise_is_left_behind_it(clean,
     effects = [clean.effect(name) for name in NAMES]
     monkeypatch.setattr(weak, "DOUBT", 1.1)  # nothing is noise
     assert also_weak(shooting, chosen, effects) is chosen
-    assert also_weak(shooting, dataclasses.replace(chosen, cut_short=True), effects).cut_short
+    work = shooting.work
+    short = dataclasses.replace(chosen, cut_short=True)
+    assert also_weak(shooting, short, effects) is short
+    assert shooting.work == work
 
 
 def test_nothing_weak_is_looked_for_where_noise_alone_is_left(clean) -> None:

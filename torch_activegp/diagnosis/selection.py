@@ -48,8 +48,8 @@ _PATIENCE = 30e6
 list explains would compute ever more."""
 _MORE = 20.0
 _AS_WELL = 10.0
-"""Chi2 beyond the price of its parameters by which a tuning undone may fit worse than a name that stands for it: beside
-a cubic spring, a payload for a gain, a damping and a force fitted worse by 320, and was named."""
+"""By so much, in units of what is left and with the price of its parameters, a tuning undone may be worse than a name
+that stands for it."""
 _LITTLE = 0.05
 """Per degree of freedom. Where nothing was missing, on a valve that sticks and slips, a stop gained 0.016 so."""
 
@@ -66,6 +66,10 @@ class Depth(NamedTuple):
     rounds: int = 2 * MAX_EFFECTS
     swaps: int = SWAPS
     work: float = _PATIENCE
+
+    def counted_from(self, work: float) -> Depth:
+        """The same with its work on top of some that is done."""
+        return self._replace(work=work + self.work)
 
 
 def select(
@@ -90,8 +94,7 @@ def select(
         free: what seemed to be tuned already, :attr:`Score.free`.
         depth: of the search; to its end where there is none.
     """
-    depth = depth or Depth()
-    depth = depth._replace(work=shooting.work + depth.work)
+    depth = (depth or Depth()).counted_from(shooting.work)
     names = len({effect.key for effect in effects})
     hides_colour = shooting.hides_colour and not shooting.noise.colour.any()
     score = Score(shooting.samples, names, 1.0, free=free, hides_colour=hides_colour)

@@ -44,7 +44,7 @@ def also_weak(
     tell("testing what is weak")
     weak = dataclasses.replace(selection, fits=list(selection.fits))
     weak.score = dataclasses.replace(score, material=_MATERIAL)
-    search(weak, shooting, effects, set(), tell, _DEPTH._replace(work=shooting.work + _DEPTH.work))
+    search(weak, shooting, effects, set(), tell, _DEPTH.counted_from(shooting.work))
     weak.cut_short = selection.cut_short  # this one looks for more than is promised
     more = weak.score.names_in(weak.best.effects) > score.names_in(best.effects)
     return weak if more and omnibus(shooting, weak.best).p_value > DOUBT else selection

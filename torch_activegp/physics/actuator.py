@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 from collections.abc import Sequence
-from typing import ClassVar, Self
+from typing import Self
 
 import mujoco
 import numpy as np
@@ -15,6 +15,9 @@ from torch_activegp.physics.effect import Effect, Parameter, Place, element
 @dataclasses.dataclass(frozen=True, eq=False)
 class ActuatorEffect(Effect):
     """Base of the effects on a control.
+
+    Several on one actuator act in MuJoCo's :attr:`order`: it delays and filters the control before gain, bias and
+    limit; what it has not, a dead band, stands between.
 
     Args:
         index: which control.
@@ -29,10 +32,6 @@ class ActuatorEffect(Effect):
     nominal: tuple[float, int] = (0.0, int(mujoco.mjtDyn.mjDYN_NONE))
     drives: str = ""
     gear: float = 1.0
-
-    order: ClassVar[int] = 0
-    """Place in the chain from the command to the force, for several effects on one actuator: that of MuJoCo, which
-    delays and filters the control before gain, bias and limit; what it has not, a dead band, stands between."""
 
     @classmethod
     def make(

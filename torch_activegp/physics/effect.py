@@ -113,7 +113,7 @@ class Effect:
     never_negative: ClassVar[frozenset[str]] = frozenset()
     """Described parameters of which no machine has less than none; their intervals say so."""
     order: ClassVar[int] = 0
-    """Place in the chain of a drive, where it acts on one."""
+    """Place in the chain from the command of a drive to its force, where it acts on one."""
     losses: ClassVar[frozenset[str]] = frozenset()
     """Described amplitudes of what a machine has or has not: where all are negative, the simulator has too much."""
 
