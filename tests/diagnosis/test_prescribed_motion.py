@@ -66,7 +66,7 @@ def test_rows_may_be_missing_uneven_or_many_in_a_step(double) -> None:
     rows = np.setdiff1d(np.arange(101), [20, 21, 60])
     kept = {name: recording[name].numpy()[rows] for name in recording.columns}
     model = double.model()
-    some = dataclasses.replace(recording, data=recording.data[rows])
+    some = recording.replace({name: recording[name][rows] for name in recording.columns})
     channels = Channels.of(model, [some])
     run = make_run(some, model, channels)
     assert len(run) == 101 and not run.recorded[20]

@@ -1,5 +1,9 @@
 """Recordings of machines: loaded, checked, and turned into TensorDicts."""
 
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
 from torch_activegp.data.angles import unwrap_angles
 from torch_activegp.data.balls import balls_model, load_balls
 from torch_activegp.data.columns import ColumnMap, ColumnRule
@@ -12,8 +16,10 @@ from torch_activegp.data.noise import noise_std
 from torch_activegp.data.public import PUBLIC_FILES, fetch
 from torch_activegp.data.recording import Recording
 from torch_activegp.data.resampling import resample
-from torch_activegp.data.transitions import to_transitions
 from torch_activegp.data.velocities import choose_window, estimate_velocities
+
+if TYPE_CHECKING:
+    from torch_activegp.data.transitions import to_transitions
 
 __all__ = [
     "PUBLIC_FILES",
@@ -40,3 +46,12 @@ __all__ = [
     "to_transitions",
     "unwrap_angles",
 ]
+
+
+def __getattr__(name: str) -> Any:
+    """Import what needs TensorDict only where it is wanted: that takes 2 s, and a diagnosis does without."""
+    if name == "to_transitions":
+        from torch_activegp.data.transitions import to_transitions
+
+        return to_transitions
+    raise AttributeError(f"module {__name__!r} has no attribute {name!r}")

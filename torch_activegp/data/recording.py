@@ -3,17 +3,20 @@
 from __future__ import annotations
 
 import dataclasses
+import functools
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import torch
-from tensordict import TensorDict
 from torch import Tensor
 
 from torch_activegp.data.checks import KINDS, check_columns
 from torch_activegp.errors import DataError
+
+if TYPE_CHECKING:
+    from tensordict import TensorDict
 
 
 @dataclasses.dataclass(frozen=True, eq=False, repr=False)
@@ -24,8 +27,8 @@ class Recording:
 
     Args:
         name: what messages call it, usually the file's name.
-        data: TensorDict of batch ``(T,)``, float64, SI units: ``"time"`` and nested ``("qpos", joint)``,
-            ``("qvel", joint)``, ``("ctrl", actuator)``, ``("qfrc", joint)``, each ``(T,)``.
+        values: columns ``(T,)`` by canonical name, float64, SI units: ``time``, ``qpos.<joint>``, ``qvel.<joint>``,
+            ``ctrl.<actuator>``, ``qfrc.<joint>``.
         run: which run of the file this is, or None where the file holds one.
         source: the file it was read from.
         notes: what the loader had to decide, in sentences.
@@ -41,7 +44,7 @@ class Recording:
     """
 
     name: str
-    data: TensorDict
+    values: Mapping[str, Tensor]
     run: str | None = None
     source: Path | None = None
     notes: tuple[str, ...] = ()
@@ -62,15 +65,13 @@ class Recording:
             DataError: if the columns are no recording (see :func:`~torch_activegp.data.checks.check_columns`), or a
                 prescribed joint has no position.
         """
-        arrays = {column: np.asarray(values, dtype=np.float64) for column, values in columns.items()}
-        for column, values in arrays.items():
-            if values.ndim != 1:
-                raise DataError(f"{name}, column `{column}`: shape (T,) wanted, found {values.shape}. Split it up.")
+        arrays = {column: np.asarray(given, dtype=np.float64) for column, given in columns.items()}
+        for column, array in arrays.items():
+            if array.ndim != 1:
+                raise DataError(f"{name}, column `{column}`: shape (T,) wanted, found {array.shape}. Split it up.")
         check_columns(arrays, name)
-        data = TensorDict({}, batch_size=[len(arrays["time"])])
-        for column, values in arrays.items():
-            data[_key(column)] = torch.from_numpy(values.copy())
-        recording = cls(name=name, data=data, **fields)
+        values = {column: torch.from_numpy(array.copy()) for column, array in arrays.items()}
+        recording = cls(name=name, values=values, **fields)
         for joint in recording.prescribed:
             if f"qpos.{joint}" not in recording:
                 raise DataError(
@@ -87,13 +88,13 @@ class Recording:
         """
         if column not in self:
             raise DataError(f"{self.label}: no column `{column}`, found {', '.join(self.columns)}.")
-        return self.data[_key(column)]
+        return self.values[column]
 
     def __contains__(self, column: object) -> bool:
         return column in self.columns
 
     def __len__(self) -> int:
-        return int(self.data.batch_size[0])
+        return len(self.time)
 
     def replace(self, columns: Mapping[str, Tensor], note: str | None = None) -> Recording:
         """Return a copy with columns added or replaced, and one more note."""
@@ -101,6 +102,16 @@ class Recording:
         notes = self.notes if note is None else (*self.notes, note)
         fields = {"run": self.run, "source": self.source, "prescribed": self.prescribed, "video": self.video}
         return Recording.from_columns(self.name, merged, notes=notes, **fields)
+
+    @functools.cached_property
+    def data(self) -> TensorDict:
+        """The columns as a TensorDict of batch ``(T,)``: ``"time"`` and nested ``("qpos", joint)`` and so on."""
+        from tensordict import TensorDict  # with torch's compiler: 2 s, which a shell command would wait for in vain
+
+        data = TensorDict({}, batch_size=[len(self)])
+        for column, values in self.values.items():
+            data[_key(column)] = values
+        return data
 
     @property
     def label(self) -> str:
@@ -115,7 +126,7 @@ class Recording:
     @property
     def time(self) -> Tensor:
         """Clock ``(T,)``, s."""
-        return self.data["time"]
+        return self.values["time"]
 
     @property
     def dt(self) -> float:
@@ -133,7 +144,8 @@ class Recording:
         return self._names(["ctrl"])
 
     def _names(self, kinds: Sequence[str]) -> tuple[str, ...]:
-        return tuple(dict.fromkeys(name for kind in kinds if kind in self.data for name in self.data[kind].keys()))
+        found = [column.partition(".") for column in self.values]
+        return tuple(dict.fromkeys(name for wanted in kinds for kind, _, name in found if kind == wanted))
 
     def __str__(self) -> str:
         seconds = float(self.time[-1] - self.time[0])

@@ -12,7 +12,6 @@ import numpy as np
 import pandas as pd
 import pyarrow as pa
 import scipy.io
-from tensordict import TensorDict
 
 from torch_activegp.errors import DataError
 
@@ -85,6 +84,8 @@ def _read_hdf5(path: Path) -> pd.DataFrame:
 def _read_memmap(path: Path) -> pd.DataFrame:
     if not (path / "meta.json").is_file():
         raise DataError(f"{path}: a folder without `meta.json` is no TensorDict memmap. Give a file of it instead.")
+    from tensordict import TensorDict  # takes longer to import than most files to read
+
     data = TensorDict.load_memmap(path).flatten_keys(".")
     return _from_arrays({name: value.cpu().numpy() for name, value in data.items()}, path)
 

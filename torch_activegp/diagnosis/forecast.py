@@ -27,8 +27,8 @@ _EVERY = 0.5
 _PAD = 0.1
 _FIRST = 1.0
 _ROUNDS = 5
-_ROUGHLY = 0.00125
-"""Time steps in which initial states are fitted, s."""
+_ROUGHLY = (0.005, 0.00125)
+"""Time steps in which initial states are fitted, s: the first that tell what the engine does."""
 _LOST = 4.0
 """A model whose chi2 per sample is larger on a run does not follow it."""
 _ALIKE = 0.2
@@ -107,11 +107,13 @@ def _begun(
 
     They are fitted in long steps, where these tell from there what the engine itself does.
     """
-    sets = [(candidate.effects, candidate.values) for candidate in candidates]
-    rough = engine.in_longer_steps(_ROUGHLY, median_step(segments.runs))
-    fits = Shooting(rough, segments, noise).fit(sets, starts, _ROUNDS, hold=True)
-    if rough is not engine and not _agrees(Shooting(engine, segments, noise), fits):
-        fits = Shooting(engine, segments, noise).fit(sets, starts, _ROUNDS, hold=True)
+    sets, interval = [(candidate.effects, candidate.values) for candidate in candidates], median_step(segments.runs)
+    forms = {form.substeps: form for form in (*(engine.in_longer_steps(s, interval) for s in _ROUGHLY), engine)}
+    fits: list[Fit] = []
+    for form in forms.values():
+        fits = Shooting(form, segments, noise).fit(sets, starts, _ROUNDS, hold=True)
+        if form is engine or _agrees(Shooting(engine, segments, noise), fits):
+            break
     return np.stack([fit.starts for fit in fits])
 
 

@@ -32,7 +32,7 @@ _DISCRETE = 0.03
 found as 0.1165 with steps of 2.5 ms that fitted one run better by a fortieth of its chi2."""
 _CREEPS = 12
 """Rounds for the nominal's fit behind a set: one that is far off creeps, and what is near is fitted once more later."""
-_AFFORDED, _PLENTY = 80e3, 30e3
+_AFFORDED, _PLENTY = 25e3, 30e3
 """Where simulating all segments once takes more time steps than this, as many are taken as take so many and leave so
 much chi2 above the noise, of which 0.1 % is 30. A valve of dry friction recorded to 0.05 mrad took 280 thousand."""
 _NEAR, _LOST = 2.0, 4.0
@@ -86,7 +86,8 @@ class Numerics(Forms):
             nominal's fit; the first set's.
         """
         whole = Shooting(self.coarse, segments, noise)
-        first, which = whole.subset(max(_JUDGES / segments.size, _PART))
+        longest = max(form.steps_in(segments) for form in self._forms(sets[0][0] if sets else (), known))
+        first, which = whole.subset(max(_JUDGES / segments.size, min(_PART, _AFFORDED / longest)))
         rough = here = near.pick(which)
         if sets and tuple(sets[0][0]) != near.effects:
             for cheap in dict.fromkeys((self.coarse, self.middle, self.given)):
@@ -102,9 +103,11 @@ class Numerics(Forms):
             return *known, nominal, near
         if first.segments.size < segments.size:
             part = _telling(whole, working, nominal, nominal.pick(which))
-            whole, near, nominal = whole.pick(part), near.pick(part), nominal.pick(part)
-            begin = dataclasses.replace(near, effects=judged.effects, values=judged.values, columns=None)
-            working, judged = self._on_all(dataclasses.replace(whole, engine=working.engine), engine, begin)
+            near, nominal = near.pick(part), nominal.pick(part)
+            if not np.array_equal(part, which):
+                working = dataclasses.replace(whole.pick(part), engine=working.engine)
+                begin = dataclasses.replace(near, effects=judged.effects, values=judged.values, columns=None)
+                working, judged = self._on_all(working, engine, begin)
         bare = working.fit([((), ())], nominal.starts, _CREEPS, near=nominal)[0] if sets else judged
         if sets and self.stiff:
             precise = dataclasses.replace(working, engine=engine, cheap=self.coarse, offset=None)

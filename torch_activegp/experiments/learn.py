@@ -21,9 +21,9 @@ from torch_activegp.experiments.recorded import (
     check_apart,
     check_columns_known,
     set_aside,
-    transitions_of,
     with_velocities,
 )
+from torch_activegp.experiments.transitions import transitions_of
 from torch_activegp.experiments.window_guard import cut_windows, guard_windows
 from torch_activegp.keys import ACTION, STATE
 from torch_activegp.means import EpisodicMean, SimulatorMean

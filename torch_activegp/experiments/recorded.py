@@ -1,4 +1,4 @@
-"""From the recordings that a user names to transitions of a simulator's states."""
+"""The recordings that a user names: loaded, checked against the model, kept apart from those held out."""
 
 from __future__ import annotations
 
@@ -7,22 +7,16 @@ from collections import Counter
 from collections.abc import Sequence
 from pathlib import Path
 
-import torch
-from tensordict import TensorDict
-
 from torch_activegp.data import (
     ColumnMap,
     Recording,
     estimate_velocities,
     known_recordings,
     load_recordings,
-    resample,
-    to_transitions,
     unwrap_angles,
 )
 from torch_activegp.data.checks import MIN_ROWS
 from torch_activegp.errors import DataError
-from torch_activegp.keys import ACTION, STATE
 from torch_activegp.simulators import Simulator
 
 _KNOWN = re.compile(r"\w{2,}:\w*")  # one letter is a drive of Windows
@@ -169,35 +163,3 @@ def from_row(recording: Recording, start: int, stop: int | None = None) -> Recor
     return Recording.from_columns(
         recording.name, columns, run=recording.run, source=recording.source, notes=recording.notes
     )
-
-
-def transitions_of(recording: Recording, simulator: Simulator, shifts: int = 1) -> TensorDict:
-    """Transitions of one run at the simulator's step.
-
-    Args:
-        recording: with velocities, in time steps of at most ``simulator.dt``.
-        simulator: says states, actions and step.
-        shifts: how many clocks to use, each begun a little later within the first step, so that more rows are used.
-
-    Returns:
-        See :func:`~torch_activegp.data.to_transitions`; angles are wrapped, ``time`` begins at 0 with the run.
-
-    Raises:
-        DataError: the run is too short, its own step is too long, or a column is missing.
-    """
-    rows = max(1, round(simulator.dt / recording.dt))
-    shifts = min(max(shifts, 1), rows)
-    starts = [index * rows // shifts for index in range(shifts)]
-    clocks = [from_row(recording, start) for start in starts if start == 0 or len(recording) - start > MIN_ROWS * rows]
-    parts = [
-        to_transitions(
-            [resample(clock, simulator.dt)], simulator.state_space.names, simulator.action_space.names, simulator.dt
-        )
-        for clock in clocks
-    ]
-    data: TensorDict = torch.cat(parts)
-    data["time"] = data["time"] - recording.time[0]
-    for key in (STATE, ("next", STATE)):
-        data[key] = simulator.state_space.wrap(data[key])
-    data[ACTION] = data[ACTION].contiguous()
-    return data

@@ -19,8 +19,9 @@ _PERIODS = (1, 2, 3, 4, 5, 6, 7, 8, 10, 12, 16, 24, 36, 48, 72, 96)
 ENDINGS = ("", "_2", "_3")
 """Of the names of each wave's parameters. Three waves: a motor's poles, its slots, and what both have in common."""
 
-_SEEN_TO_REPEAT = 3.0
-"""So many periods of each wave lie in the range where there are several: any bump is a sum of slower waves."""
+_SEEN_ONCE, _SEEN_TO_REPEAT = 0.8, 3.0
+"""So much of a period lies in the range, else it is a spring: 0.6 of one fitted a spring behind filtered noise better
+than a spring did. And so many periods of each wave where there are several: any bump is a sum of slower waves."""
 _FINENESS = 8
 """Bins of the position in the shortest period."""
 _MOST_BINS = 1 << 18
@@ -54,11 +55,11 @@ class Cogging(JointEffect):
         width = max(place.position[1] - place.position[0], 1e-9)
         fastest = 0.6 * np.pi / (max(place.top_speed, 1e-9) * place.dt)
         turns = place.position_unit == "rad"
+        least = max(1.0 if turns else 0.0, _SEEN_ONCE * 2 * np.pi / width)
         if turns:
-            periods = [float(n) for n in _PERIODS if n * width > np.pi and n < 4 * fastest] or [max(1.0, 1.0 / width)]
+            periods = [float(n) for n in _PERIODS if n >= least and n < 4 * fastest] or [least]
         else:
             periods = [2 * np.pi * n / width for n in (2, 3, 4, 6, 8, 11, 16, 22, 32)]
-        least = min(max(1.0 if turns else 0.0, 1.0 / width), *periods)  # less than that is no cogging but a spring
         unit = "1/turn" if turns else f"rad/{place.position_unit}"
         sine, cosine = (Parameter(name, place.force_unit, scale) for name in ("sine", "cosine"))
         made: Self | None = None
