@@ -28,14 +28,25 @@ def test_friction_is_found_with_the_level_of_the_noise(bench) -> None:
     assert "naming on all data" in stages
 
 
-def test_a_floor_that_is_too_high_is_taken_anew(bench, monkeypatch) -> None:
-    """Viscous friction is seen through four times the noise; then the noise is, and with it the friction's interval."""
+@pytest.mark.parametrize("early", [True, False])
+def test_a_floor_that_is_too_high_is_taken_anew(bench, monkeypatch, early) -> None:
+    """Viscous friction is seen through four times the noise; then the noise is, and with it the friction's interval.
+
+    Where a part of the data has told the friction already, nothing is named on all of it with the floor.
+    """
+    if early:
+        for name in ("_ENOUGH", "_FEWEST"):
+            monkeypatch.setattr(f"torch_activegp.diagnosis.explain.{name}", 1.0)
     monkeypatch.setattr(
         "torch_activegp.diagnosis.explain.noise_floor", lambda runs: NoiseModel.white(np.array([4 * bench.noise]))
     )
     stages: list[str] = []
     found = explain(bench.machine, some(bench), 1, stages.append)
-    assert "naming with the noise seen behind the effects" in stages
+    assert stages.count("naming with the noise seen behind the effects") == 1
+    anew, named = (
+        stages.index(stage) for stage in ("naming with the noise seen behind the effects", "naming on all data")
+    )
+    assert (anew < named) == early
     assert found.selection.best.keys == {("viscous_friction", "joint:hip")}
     assert found.shooting.noise.scale[0] == pytest.approx(bench.noise, rel=0.15)
     assert found.selection.best.chi2 / found.shooting.dof == pytest.approx(1.0, abs=0.2)

@@ -158,6 +158,17 @@ def test_of_much_data_that_takes_long_a_part_is_simulated(bench, monkeypatch) ->
     assert made.choose(*given)[1].segments.size == bench.segments.size
 
 
+def test_a_form_that_was_found_on_the_same_part_is_not_fitted_again(bench, monkeypatch) -> None:
+    made = Numerics.of(bench.integrated("Euler", 0.01), 1)
+    sets = [((bench.effect("viscous_friction"),), (np.array([0.05]),))]
+    for name, value in (("_JUDGES", 6), ("_AFFORDED", 1.0), ("_PLENTY", 1.0)):
+        monkeypatch.setattr(numerics, name, value)
+    monkeypatch.setattr(Numerics, "_on_all", lambda *_: pytest.fail("fitted again"))
+    _, shooting, nominal, judged = made.choose(bench.segments, bench.shooting.noise, bench.nominal, bench.nominal, sets)
+    assert shooting.segments.size == len(nominal.starts) == len(judged.starts) == 6
+    assert judged.values[0][0] == pytest.approx(bench.viscous, rel=0.05)
+
+
 def test_discretisation_alone_tells_nothing(clean, monkeypatch) -> None:
     """A fit of the nominal by a coarse form leaves much, and nothing is missing."""
     made = Numerics.of(clean.integrated("Euler", 0.01), 1)

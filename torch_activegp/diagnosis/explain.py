@@ -109,13 +109,18 @@ def explain(
 
     def name() -> tuple[_Start, Selection]:
         start = keep.once("naming on a part of the data", begin)
+        first = start.first
+        if first.effects and (other := quieter(start.shooting, first, noise)) is not None:
+            sets = [(first.effects, first.values), *start.sets]
+            start = _with_noise(machine, numerics, start, sets, start.free, other, tell)
         tell("naming on all data")
         selection = select(start.shooting, effects, start.nominal, start.sets, start.first, tell, start.free)
         for number in range(_QUIETER):
             other = quieter(start.shooting, selection.best, noise, last=number == _QUIETER - 1)
             if other is None:
                 break
-            start, selection = _again(machine, numerics, start, selection, other, effects, tell)
+            start = _with_noise(machine, numerics, start, _leaders(selection), selection.score.free, other, tell)
+            selection = select(start.shooting, effects, start.nominal, start.sets, start.first, tell, start.free)
         return start, also_weak(start.shooting, selection, effects, tell)
 
     def finish() -> Explanation:
@@ -170,24 +175,23 @@ def _part(shooting: Shooting, excess: float) -> tuple[Shooting, NDArray[np.int64
     return shooting.subset(max(_ENOUGH / excess, 0.2, _FEWEST / shooting.segments.size))
 
 
-def _again(
+def _with_noise(
     machine: Machine,
     numerics: Numerics,
     start: _Start,
-    selection: Selection,
+    sets: Sets,
+    free: frozenset[tuple[str, str]],
     noise: NoiseModel,
-    effects: Sequence[Effect],
     tell: Tell,
-) -> tuple[_Start, Selection]:
-    """Names once more where what is left shows that the noise is not what it seemed; numerics are judged by it too."""
+) -> _Start:
+    """What naming begins from where what is left shows that the noise is another one; numerics are judged by it too."""
     tell("naming with the noise seen behind the effects")
-    segments, nominal, sets = start.shooting.segments, start.nominal, _leaders(selection)
+    segments, nominal = start.shooting.segments, start.nominal
     loud = start.shooting.noise.innovation.min() / noise.innovation.min()
     if segments.far_off(nominal.per_segment * loud**2, _TOO_FAR).any():
         segments, nominal = _longest(machine, numerics, noise, _TOO_FAR)
     engine, shooting, nominal, judged = numerics.choose(segments, noise, nominal, nominal, sets)
-    quiet = _Start(engine, shooting, nominal, _besides(sets, judged), judged, selection.score.free)
-    return quiet, select(shooting, effects, nominal, quiet.sets, judged, tell, quiet.free)
+    return _Start(engine, shooting, nominal, _besides(sets, judged), judged, free)
 
 
 def _finish(

@@ -85,20 +85,11 @@ class Numerics(Forms):
             The precise engine; the likelihood to compare sets with, over fewer segments where these tell enough; the
             nominal's fit; the first set's.
         """
-        whole = Shooting(self.coarse, segments, noise)
-        longest = max(form.steps_in(segments) for form in self._forms(sets[0][0] if sets else (), known))
-        first, which = whole.subset(max(_JUDGES / segments.size, min(_PART, _AFFORDED / longest)))
-        rough = here = near.pick(which)
-        if sets and tuple(sets[0][0]) != near.effects:
-            for cheap in dict.fromkeys((self.coarse, self.middle, self.given)):
-                rough = dataclasses.replace(first, engine=cheap).fit(sets[:1], here.starts, near=here)[0]
-                if np.isfinite(rough.chi2):
-                    break
-        if rough.design is None:
-            rough = first.fit([(rough.effects, rough.values)], rough.starts, hold=True)[0]
-        trials = [*sets[:1], *_without_delays(sets[:1])]
-        competing = self._forms(trials[0][0] if trials else (), known)
-        engine, working, judged = self._race(competing, first, rough, trials[1:], whole.dof)
+        whole, competing = Shooting(self.coarse, segments, noise), self._forms(sets[0][0] if sets else (), known)
+        share = min(_PART, _AFFORDED / max(form.steps_in(segments) for form in competing))
+        first, which = whole.subset(max(_JUDGES / segments.size, share))
+        rough = self._rough(first, near.pick(which), sets[:1])
+        engine, working, judged = self._race(competing, first, rough, _without_delays(sets[:1]), whole.dof)
         if known is not None and engine is known[0] and judged.effects == near.effects:
             return *known, nominal, near
         if first.segments.size < segments.size:
@@ -113,6 +104,16 @@ class Numerics(Forms):
             precise = dataclasses.replace(working, engine=engine, cheap=self.coarse, offset=None)
             working, bare, judged = _just(working, precise, nominal, bare, judged)
         return engine, working, bare, judged
+
+    def _rough(self, first: Shooting, here: Fit, sets: Sets) -> Fit:
+        """A fit of a set, where there is one, by the first cheap form that can; with derivatives."""
+        fit = here
+        if sets and tuple(sets[0][0]) != here.effects:
+            for cheap in dict.fromkeys((self.coarse, self.middle, self.given)):
+                fit = dataclasses.replace(first, engine=cheap).fit(sets, here.starts, near=here)[0]
+                if np.isfinite(fit.chi2):
+                    break
+        return fit if fit.design is not None else first.fit([(fit.effects, fit.values)], fit.starts, hold=True)[0]
 
     def _race(
         self, competing: Sequence[Engine], first: Shooting, rough: Fit, trials: Sets, dof: int
