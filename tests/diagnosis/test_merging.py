@@ -6,7 +6,8 @@ import pytest
 
 from torch_activegp.diagnosis.merging import merged, push
 from torch_activegp.physics import Place
-from torch_activegp.physics.inertia import CenterOfMassOffset
+from torch_activegp.physics.friction import AsymmetricCoulomb, CoulombFriction
+from torch_activegp.physics.inertia import CenterOfMassOffset, GravityError, pulls_of_gravity
 from torch_activegp.physics.payload import DensityError, PayloadAside, PayloadMass
 
 BOX = """<mujoco><worldbody><body name="base"><joint/><geom size=".1" mass="1"/>
@@ -65,3 +66,19 @@ def test_an_offset_of_a_drive_is_a_push_through_its_gear(bench) -> None:
     assert push(constant, np.array([0.3]), "joint:hip") == 0.3
     assert push(bias, np.array([0.3]), "joint:hip") == pytest.approx(0.3 * bias.nominal_gain * bias.gear)
     assert push(constant, np.array([0.3]), "joint:knee") == push(bias, np.array([0.3]), "joint:knee") == 0.0
+
+
+def test_dry_friction_and_another_gravity_on_a_slide_are_a_friction_of_two_levels() -> None:
+    model = mujoco.MjModel.from_xml_string(
+        """<mujoco><worldbody><body><joint name="axis" type="slide" axis="1 0 0"/><geom size=".1" mass="4"/></body>
+        </worldbody></mujoco>"""
+    )
+    place = Place("joint:axis", 0, position_unit="m", force_unit="N")
+    dry, two_sided = (kind.at(place, model) for kind in (CoulombFriction, AsymmetricCoulomb))
+    gravity = GravityError.along(0, pulls=pulls_of_gravity(model))
+    level, tilt = np.array([2.0]), np.array([-0.1])
+    found = merged([(dry, level), (gravity, tilt)], [dry, two_sided, gravity])
+    assert [[effect for effect, _ in pairs] for pairs in found] == [[two_sided]]
+    forces = [[float(two_sided.force(np.zeros(()), np.array(v), found[0][0][1])) for v in (-1.0, 1.0)]]
+    assert forces == [pytest.approx([2.0 - 0.4, -2.0 - 0.4])]
+    assert not merged([(dry, level), (GravityError.along(1, pulls=gravity.pulls), tilt)], [dry, two_sided])

@@ -9,13 +9,21 @@ import numpy as np
 import pytest
 
 from torch_activegp.physics import Place
-from torch_activegp.physics.inertia import ArmatureError, CenterOfMassOffset, GravityError
+from torch_activegp.physics.inertia import ArmatureError, CenterOfMassOffset, GravityError, pulls_of_gravity
 
 SLIDE = """
 <mujoco><option timestep="0.001" gravity="0 0 0"/><worldbody><body name="cart">
 <joint name="x" type="slide" axis="1 0 0" armature="0.5"/><geom type="box" size=".2 .05 .1" mass="1"/></body>
 </worldbody><actuator><motor name="drive" joint="x"/></actuator></mujoco>"""
 FORE = Place("body:fore", 2)
+CRANE = """
+<mujoco><worldbody><body name="bridge" euler="0 0 90"><joint name="x" type="slide" axis="0 1 0"/>
+<geom size=".1" mass="3"/><body name="hoist"><joint type="slide" axis="0 0 1"/><geom size=".1" mass="2"/>
+<body name="load"><joint name="swing" axis="0 1 0"/><geom pos="0 0 -.5" size=".1" mass="1"/>
+<body name="claw"><joint name="reach" type="slide" axis="0 0 1"/><geom size=".1" mass="0.5"/></body>
+</body></body></body>
+<body name="other"><joint name="turn"/><joint name="late" type="slide" axis="1 0 0"/><geom size=".1" mass="1"/></body>
+</worldbody></mujoco>"""
 
 
 def effects(model: mujoco.MjModel) -> list[tuple[Any, list[float]]]:
@@ -52,6 +60,16 @@ def test_bounds_units_and_names(bench: Any) -> None:
     assert list(vector.describe(np.array([1.0, 2.0, 3.0]))) == ["change_x", "change_y", "change_z"]
     assert {GravityError.along(*axes).key for axes in ((0,), (1,), (2,), (0, 2))} == {("gravity_error", "world")}
     assert [GravityError.along(*axes).stands_in for axes in ((0,), (0, 2))] == [False, True]
+
+
+def test_gravity_is_a_constant_force_on_slides_that_nothing_turns() -> None:
+    pulls = pulls_of_gravity(mujoco.MjModel.from_xml_string(CRANE))
+    assert pulls.keys() == {"joint:x", "joint:joint1"}
+    np.testing.assert_allclose(pulls["joint:x"], [-6.5, 0.0, 0.0], atol=1e-9)
+    np.testing.assert_allclose(pulls["joint:joint1"], [0.0, 0.0, 3.5], atol=1e-9)
+    tilted = GravityError.along(0, 2, pulls=pulls)
+    assert tilted.push(np.array([0.1, -2.0]), "joint:x") == pytest.approx(-0.65)
+    assert tilted.push(np.array([0.1, -2.0]), "joint:swing") == 0.0
 
 
 def test_the_centre_on_two_axes_begins_where_it_is_on_one() -> None:

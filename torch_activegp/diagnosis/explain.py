@@ -197,10 +197,10 @@ def _with_noise(
 def _finish(
     numerics: Numerics, effects: Sequence[Effect], start: _Start, selection: Selection, tell: Tell
 ) -> Explanation:
-    """Looks at the numerics once more behind the effects."""
+    """Looks at the numerics once more behind the effects, unless they were chosen behind just these."""
     engine, shooting = start.engine, start.shooting
     best, leaders = selection.best, _leaders(selection)
-    if best.effects:
+    if best.effects and frozenset(best.effects) != frozenset(start.first.effects):
         known = (engine, shooting)
         again, other, bare, judged = numerics.choose(
             shooting.segments, shooting.noise, best, start.nominal, leaders, known

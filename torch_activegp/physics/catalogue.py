@@ -14,7 +14,7 @@ from torch_activegp.physics.actuation import ACTUATION
 from torch_activegp.physics.actuator import ActuatorEffect
 from torch_activegp.physics.effect import Array, Effect, Place
 from torch_activegp.physics.friction import FRICTION
-from torch_activegp.physics.inertia import ArmatureError, CenterOfMassOffset, GravityError
+from torch_activegp.physics.inertia import ArmatureError, CenterOfMassOffset, GravityError, pulls_of_gravity
 from torch_activegp.physics.joint import JointEffect
 from torch_activegp.physics.payload import DensityError, PayloadAlong, PayloadAside, PayloadMass
 from torch_activegp.physics.play import MEMORY, Backlash
@@ -58,7 +58,8 @@ def catalogue(
     effects += [kind.at(place, model) for place in actuators for kind in ACTUATION]
     effects += [kind.at(place, model) for place in sensors for kind in SENSING]
     effects += body_effects(model)
-    effects += [GravityError.along(*axes) for axes in _AXES]
+    pulls = pulls_of_gravity(model)
+    effects += [GravityError.along(*axes, pulls=pulls) for axes in _AXES]
     places = {JointEffect: joints, ActuatorEffect: actuators, SensorEffect: sensors}
     taken = {kind.name for kind in _LISTED}
     for kind in more:

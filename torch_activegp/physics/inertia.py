@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from typing import Self
 
 import mujoco
@@ -78,15 +78,17 @@ class GravityError(Effect):
 
     Args:
         axes: 0, 1 and 2 for x, y and z of the world.
+        pulls: see :func:`pulls_of_gravity`.
     """
 
     axes: tuple[int, ...] = (0, 1, 2)
+    pulls: Mapping[str, Array] = dataclasses.field(default_factory=dict)
 
     name = "gravity_error"
     law = "gravity is another vector"
 
     @classmethod
-    def along(cls, *axes: int) -> Self:
+    def along(cls, *axes: int, pulls: Mapping[str, Array] | None = None) -> Self:
         """Makes the effect along some axes of the world; more than one stand in for a single one."""
         names = tuple(AXES[axis] for axis in axes)
         parameters = tuple(Parameter(f"change_{name}", "m/s2", 0.3) for name in names)
@@ -99,7 +101,12 @@ class GravityError(Effect):
             variant="".join(names),
             stands_in=len(axes) > 1,
             axes=axes,
+            pulls=pulls or {},
         )
+
+    def push(self, values: Array, target: str) -> float:
+        """The constant force on a slide, N; 0 on a joint that it pulls at in another way."""
+        return float(values @ self.pulls[target][list(self.axes)]) if target in self.pulls else 0.0
 
     def edit(self, field: Callable[[str], Array], rows: Index, values: Array) -> bool:
         """Changes ``opt.gravity``."""
@@ -114,3 +121,23 @@ class GravityError(Effect):
         gravity[list(self.axes)] += values
         spec.option.gravity = gravity
         return True
+
+
+def pulls_of_gravity(model: mujoco.MjModel) -> dict[str, Array]:
+    """The force on each slide by its target in each axis' unit of gravity, where no joint before it turns it, kg."""
+    data, out = mujoco.MjData(model), {}
+    mujoco.mj_kinematics(model, data)
+    for joint in range(model.njnt):
+        slides, body = model.jnt_type == mujoco.mjtJoint.mjJNT_SLIDE, int(model.jnt_bodyid[joint])
+        before = [other for other in range(joint + 1) if _carries(model, int(model.jnt_bodyid[other]), body)]
+        if slides[before].all():
+            name = model.joint(joint).name or f"joint{joint}"
+            out[f"joint:{name}"] = float(model.body_subtreemass[body]) * data.xaxis[joint].copy()
+    return out
+
+
+def _carries(model: mujoco.MjModel, body: int, other: int) -> bool:
+    """Whether a body is another one, or carries it."""
+    while other > body:
+        other = int(model.body_parentid[other])
+    return other == body
