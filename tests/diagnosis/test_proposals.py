@@ -200,6 +200,14 @@ def test_a_late_drive_may_be_a_late_encoder_or_late_in_another_way(bench, late, 
     assert late_elsewhere(alone, bench.effects) == []
 
 
+def test_two_that_are_late_are_one_that_is_as_late_as_both(bench) -> None:
+    delay, lag = (bench.effect(name, "actuator:drive") for name in ("actuator_delay", "actuator_lag"))
+    late, rubbing = bench.effect("sensor_delay", "sensor:hip"), bench.effect("viscous_friction")
+    fit = SimpleNamespace(effects=(lag, rubbing, late), values=tuple(np.array([v]) for v in (0.006, 0.1, 0.001)))
+    sums = {some[0][1]: float(some[1][1][0]) for some in late_elsewhere(fit, bench.effects) if len(some[0]) == 2}
+    assert sums == {effect: pytest.approx(0.007) for effect in (delay, lag, late)}
+
+
 def test_two_drives_of_one_joint_are_not_late_for_each_other(bench) -> None:
     delay, lag = (bench.effect(name, "actuator:drive") for name in ("actuator_delay", "actuator_lag"))
     other = dataclasses.replace(lag, target="actuator:other")

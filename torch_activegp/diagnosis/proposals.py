@@ -213,16 +213,26 @@ def _once_less(pairs: Sequence[tuple[Effect, Array]], effects: Sequence[Effect])
 def late_elsewhere(best: Fit, effects: Sequence[Effect]) -> list[Set]:
     """A set with the encoder late by as much as the drive was, or the drive as the encoder, or in another way.
 
-    Often they make the same motion: a delay much shorter than the time between rows, for instance, and such a lag.
+    Often they make the same motion: a delay much shorter than the time between rows, for instance, and such a lag. So
+    do two of them together and one that is as late as both.
     """
     pairs = list(zip(best.effects, best.values, strict=True))
     out: list[Set] = []
     for late, value in pairs:
-        for other in effects:
-            if {late.name, other.name} in _LATE and _moves_the_same(late, other):
-                others = [(e, v) for e, v in pairs if e is not late and e.key != other.key]
-                out.append(_set([*others, (other, value)]))
+        for other in (effect for effect in effects if _late_alike(late, effect)):
+            others = [(e, v) for e, v in pairs if e is not late and e.key != other.key]
+            out.append(_set([*others, (other, value)]))
+    for (late, value), (again, more) in itertools.combinations(pairs, 2):
+        others = [(e, v) for e, v in pairs if e is not late and e is not again]
+        for other in effects if _late_alike(late, again) else ():
+            if other in (late, again) or (_late_alike(late, other) and _late_alike(again, other)):
+                out.append(_set([*others, (other, value + more)]))
     return out
+
+
+def _late_alike(one: Effect, other: Effect) -> bool:
+    """Whether both make the same motion late, in two ways or at two places."""
+    return {one.name, other.name} in _LATE and _moves_the_same(one, other)
 
 
 def _moves_the_same(one: Effect, other: Effect) -> bool:
