@@ -141,7 +141,7 @@ for command in ("diagnose", "demo", "diagnose-all", "evaluate"):
     assert "torch_activegp.cli." + command.replace("-", "_") in sys.modules
 from torch_activegp.diagnosis import diagnose
 
-unwanted = {"torchrl", "ray", "matplotlib"}
+unwanted = {"torchrl", "tensordict", "ray", "matplotlib"}
 unwanted |= {f"torch_activegp.{name}" for name in ("collectors", "envs", "loops", "planners")}
 print(*sorted(unwanted & set(sys.modules)))
 """

@@ -1,5 +1,6 @@
 from __future__ import annotations
 
+import copy
 import pickle
 from pathlib import Path
 
@@ -33,6 +34,15 @@ def test_columns_lie_in_a_tensordict_in_float64(recording: Recording) -> None:
     assert {recording[name].dtype for name in recording.columns} == {torch.float64}
     assert torch.equal(recording.data["qpos", "arm.elbow"], torch.from_numpy(np.sin(TIME)))
     assert torch.equal(recording["qvel.slide"], torch.from_numpy(2 * TIME))
+
+
+def test_columns_and_tensordict_stay_the_same(recording: Recording) -> None:
+    with pytest.raises(RuntimeError, match="lock"):
+        recording.data["qpos", "slide"] = torch.zeros(50, dtype=torch.float64)
+    again = copy.deepcopy(recording)
+    again.data["qpos", "slide"][3] = 5.0
+    assert again["qpos.slide"][3] == again.data["qpos", "slide"][3] == 5.0
+    assert recording["qpos.slide"][3] != 5.0
 
 
 def test_what_it_says_of_itself(recording: Recording) -> None:

@@ -52,6 +52,18 @@ def test_a_floor_that_is_too_high_is_taken_anew(bench, monkeypatch, early) -> No
     assert found.selection.best.chi2 / found.shooting.dof == pytest.approx(1.0, abs=0.2)
 
 
+@pytest.mark.parametrize("early", [True, False])
+def test_numerics_are_looked_at_again_behind_another_set_alone(bench, monkeypatch, early) -> None:
+    """Behind the nominal, where little is to be explained at first; else behind the first names, which stay."""
+    if early:
+        for name in ("_ENOUGH", "_FEWEST"):
+            monkeypatch.setattr(f"torch_activegp.diagnosis.explain.{name}", 1.0)
+    known, choose = [], Numerics.choose
+    monkeypatch.setattr(Numerics, "choose", lambda *a, **k: known.append(len(a) > 6) or choose(*a, **k))
+    assert explain(bench.machine, some(bench), 1).selection.best.keys == {("viscous_friction", "joint:hip")}
+    assert known.count(True) == (not early)
+
+
 def test_a_coarse_time_step_is_not_taken_for_a_delay(clean) -> None:
     coarse = mujoco.MjModel.from_xml_string(clean.xml.replace("RK4", "Euler").replace("0.005", "0.01"))
     found = explain(dataclasses.replace(clean.machine, model=coarse), some(clean), 1)

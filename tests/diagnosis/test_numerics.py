@@ -158,6 +158,25 @@ def test_of_much_data_that_takes_long_a_part_is_simulated(bench, monkeypatch) ->
     assert made.choose(*given)[1].segments.size == bench.segments.size
 
 
+def test_forms_are_compared_on_what_the_longest_of_them_can_afford(bench, monkeypatch) -> None:
+    made = Numerics.of(bench.integrated("Euler", 0.01), 1)
+    asked, shares, subset = [], [], Shooting.subset
+    monkeypatch.setattr(numerics, "_JUDGES", 1)
+    monkeypatch.setattr(numerics, "_affordable", lambda engine, segments: asked.append(engine) or 0.2)
+    monkeypatch.setattr(
+        Shooting, "subset", lambda self, share, *more: shares.append(share) or subset(self, share, *more)
+    )
+    made.choose(bench.segments, bench.shooting.noise, bench.nominal, bench.nominal)
+    assert (asked[0], shares[0]) == (made.fine, 0.2)
+    monkeypatch.undo()
+    steps = made.fine.steps_in(bench.segments)
+    monkeypatch.setattr(numerics, "_AFFORDED", 0.95 * steps)
+    assert numerics._affordable(made.fine, bench.segments) == max(0.95, 16 / bench.segments.size)
+    few = bench.segments.pick(np.zeros(40, dtype=np.int64))
+    monkeypatch.setattr(numerics, "_AFFORDED", 1.0)
+    assert numerics._affordable(made.fine, few) == max(16, 2 * len(few.runs)) / 40
+
+
 def test_a_form_that_was_found_on_the_same_part_is_not_fitted_again(bench, monkeypatch) -> None:
     made = Numerics.of(bench.integrated("Euler", 0.01), 1)
     sets = [((bench.effect("viscous_friction"),), (np.array([0.05]),))]

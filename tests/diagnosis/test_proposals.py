@@ -206,6 +206,10 @@ def test_two_that_are_late_are_one_that_is_as_late_as_both(bench) -> None:
     fit = SimpleNamespace(effects=(lag, rubbing, late), values=tuple(np.array([v]) for v in (0.006, 0.1, 0.001)))
     sums = {some[0][1]: float(some[1][1][0]) for some in late_elsewhere(fit, bench.effects) if len(some[0]) == 2}
     assert sums == {effect: pytest.approx(0.007) for effect in (delay, lag, late)}
+    three = SimpleNamespace(effects=(delay, lag, late), values=tuple(np.array([v]) for v in (0.002, 0.006, 0.001)))
+    sets = [effects for effects, _ in late_elsewhere(three, bench.effects)]
+    assert {len(set(effects)) for effects in sets} == {1, 2}
+    assert all(len(set(effects)) == len(effects) for effects in sets)
 
 
 def test_two_drives_of_one_joint_are_not_late_for_each_other(bench) -> None:

@@ -65,6 +65,8 @@ def test_bounds_units_and_names(bench: Any) -> None:
 def test_gravity_is_a_constant_force_on_slides_that_nothing_turns() -> None:
     pulls = pulls_of_gravity(mujoco.MjModel.from_xml_string(CRANE))
     assert pulls.keys() == {"joint:x", "joint:joint1"}
+    floating = pulls_of_gravity(mujoco.MjModel.from_xml_string(CRANE.replace('"load"', '"load" gravcomp="1"')))
+    np.testing.assert_allclose(floating["joint:x"], [-5.5, 0.0, 0.0], atol=1e-9)
     np.testing.assert_allclose(pulls["joint:x"], [-6.5, 0.0, 0.0], atol=1e-9)
     np.testing.assert_allclose(pulls["joint:joint1"], [0.0, 0.0, 3.5], atol=1e-9)
     tilted = GravityError.along(0, 2, pulls=pulls)

@@ -1,8 +1,7 @@
 """Recordings of machines: loaded, checked, and turned into TensorDicts."""
 
-from __future__ import annotations
-
-from typing import TYPE_CHECKING, Any
+from importlib import import_module
+from typing import TYPE_CHECKING
 
 from torch_activegp.data.angles import unwrap_angles
 from torch_activegp.data.balls import balls_model, load_balls
@@ -48,10 +47,14 @@ __all__ = [
 ]
 
 
-def __getattr__(name: str) -> Any:
-    """Import what needs TensorDict only where it is wanted: that takes 2 s, and a diagnosis does without."""
-    if name == "to_transitions":
-        from torch_activegp.data.transitions import to_transitions
+if not TYPE_CHECKING:  # a type checker would let any name pass
 
-        return to_transitions
-    raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+    def __getattr__(name: str) -> object:
+        """Import what needs TensorDict where it is wanted: that takes 2 s, and a diagnosis does without."""
+        if name != "to_transitions":
+            raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+        found = globals()[name] = import_module("torch_activegp.data.transitions").to_transitions
+        return found
+
+    def __dir__() -> list[str]:
+        return sorted({*globals(), *__all__})

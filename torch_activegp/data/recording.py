@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import dataclasses
-import functools
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -103,15 +102,15 @@ class Recording:
         fields = {"run": self.run, "source": self.source, "prescribed": self.prescribed, "video": self.video}
         return Recording.from_columns(self.name, merged, notes=notes, **fields)
 
-    @functools.cached_property
+    @property
     def data(self) -> TensorDict:
-        """The columns as a TensorDict of batch ``(T,)``: ``"time"`` and nested ``("qpos", joint)`` and so on."""
+        """The columns as a locked TensorDict of batch ``(T,)``: ``"time"``, nested ``("qpos", joint)`` and so on."""
         from tensordict import TensorDict  # with torch's compiler: 2 s, which a shell command would wait for in vain
 
         data = TensorDict({}, batch_size=[len(self)])
         for column, values in self.values.items():
             data[_key(column)] = values
-        return data
+        return data.lock_()
 
     @property
     def label(self) -> str:

@@ -38,7 +38,7 @@ _TOO_FAR = 400.0
 """The same for the names in the end."""
 _GROWTH = 6.0
 _QUIETER = 3
-"""How often noise is taken anew."""
+"""How often noise is taken anew behind what all data say."""
 _ENOUGH = 600.0
 """Chi2 above the noise by which the first names are found, on a part of the data where there is twice as much,"""
 _FEWEST = 12
@@ -200,7 +200,7 @@ def _finish(
     """Looks at the numerics once more behind the effects, unless they were chosen behind just these."""
     engine, shooting = start.engine, start.shooting
     best, leaders = selection.best, _leaders(selection)
-    if best.effects and frozenset(best.effects) != frozenset(start.first.effects):
+    if best.effects and _besides([(best.effects, best.values)], start.first):
         known = (engine, shooting)
         again, other, bare, judged = numerics.choose(
             shooting.segments, shooting.noise, best, start.nominal, leaders, known

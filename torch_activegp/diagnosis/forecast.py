@@ -108,7 +108,8 @@ def _begun(
     They are fitted in long steps, where these tell from there what the engine itself does.
     """
     sets, interval = [(candidate.effects, candidate.values) for candidate in candidates], median_step(segments.runs)
-    forms = {form.substeps: form for form in (*(engine.in_longer_steps(s, interval) for s in _ROUGHLY), engine)}
+    longer = [engine.in_longer_steps(seconds, interval) for seconds in _ROUGHLY]
+    forms = {form.substeps: form for form in (*longer, engine)}  # of the same number the last: the engine itself
     fits: list[Fit] = []
     for form in forms.values():
         fits = Shooting(form, segments, noise).fit(sets, starts, _ROUNDS, hold=True)

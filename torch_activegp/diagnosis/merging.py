@@ -36,9 +36,8 @@ def _two_levels(pairs: Sequence[Pair], effects: Sequence[Effect]) -> list[list[P
     for dry, level in pairs:
         laws = [e for e in effects if e.target == dry.target and dry.name in e.covers and e.name == TWO_SIDED]
         for constant, value in pairs if dry.name == "coulomb_friction" else ():
-            force = push(constant, value, dry.target)
-            if isinstance(constant, GravityError):
-                force = constant.push(value, dry.target)
+            gravity = constant if isinstance(constant, GravityError) else None
+            force = gravity.push(value, dry.target) if gravity else push(constant, value, dry.target)
             two_sided = np.array([level[0] - force, level[0] + force])
             others = [(e, v) for e, v in pairs if e is not dry and e is not constant]
             out += [[*others, (law, two_sided)] for law in laws if force and law.plausible(two_sided)]

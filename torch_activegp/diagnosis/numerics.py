@@ -23,7 +23,7 @@ _FINEST = 2.0
 """Chi2 by which shorter steps must fit better: they cost time alone."""
 _JUDGES = 16
 _PART = 0.25
-"""Forms are compared on so many of the segments, or this part of them."""
+"""Forms are compared on this part of the segments; on fewer, but so many, where they take long (see below)."""
 _MUCH, _CLEARLY = 2.0, 0.25
 """Where more than this times the noise is left, another form than the model's own must fit better by so much of it:
 one form or the other absorbs some of what is missing by chance."""
@@ -86,8 +86,8 @@ class Numerics(Forms):
             nominal's fit; the first set's.
         """
         whole, competing = Shooting(self.coarse, segments, noise), self._forms(sets[0][0] if sets else (), known)
-        share = min(_PART, _AFFORDED / max(form.steps_in(segments) for form in competing))
-        first, which = whole.subset(max(_JUDGES / segments.size, share))
+        longest = max(competing, key=lambda form: form.steps_in(segments))
+        first, which = whole.subset(max(_JUDGES / segments.size, min(_PART, _affordable(longest, segments))))
         rough = self._rough(first, near.pick(which), sets[:1])
         engine, working, judged = self._race(competing, first, rough, _without_delays(sets[:1]), whole.dof)
         if known is not None and engine is known[0] and judged.effects == near.effects:
@@ -196,6 +196,11 @@ class Numerics(Forms):
         return [*sorted(cheap[:-1], key=far), cheap[-1]]
 
 
+def _affordable(engine: Engine, segments: Segments) -> float:
+    """The share of some segments that an engine simulates in time, at least two of each run."""
+    return max(_AFFORDED / engine.steps_in(segments), max(_JUDGES, 2 * len(segments.runs)) / segments.size)
+
+
 def _telling(whole: Shooting, working: Shooting, nominal: Fit, here: Fit) -> NDArray[np.int64]:
     """Segments, evenly spread, that tell enough where simulating all takes long; else all.
 
@@ -206,7 +211,7 @@ def _telling(whole: Shooting, working: Shooting, nominal: Fit, here: Fit) -> NDA
         here: the same fit over those of `working`.
     """
     segments = whole.segments
-    share = max(_AFFORDED / working.engine.steps_in(segments), max(_JUDGES, 2 * len(segments.runs)) / segments.size)
+    share = _affordable(working.engine, segments)
     if share >= 1.0:
         return np.arange(segments.size)
     bare = working.fit([((), ())], here.starts, _CREEPS, near=here)[0]  # discretisation alone tells nothing

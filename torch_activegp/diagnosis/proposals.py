@@ -223,9 +223,9 @@ def late_elsewhere(best: Fit, effects: Sequence[Effect]) -> list[Set]:
             others = [(e, v) for e, v in pairs if e is not late and e.key != other.key]
             out.append(_set([*others, (other, value)]))
     for (late, value), (again, more) in itertools.combinations(pairs, 2):
-        others = [(e, v) for e, v in pairs if e is not late and e is not again]
         for other in effects if _late_alike(late, again) else ():
             if other in (late, again) or (_late_alike(late, other) and _late_alike(again, other)):
+                others = [(e, v) for e, v in pairs if e.key not in (late.key, again.key, other.key)]
                 out.append(_set([*others, (other, value + more)]))
     return out
 

@@ -57,7 +57,8 @@ class Cogging(JointEffect):
         turns = place.position_unit == "rad"
         least = max(1.0 if turns else 0.0, _SEEN_ONCE * 2 * np.pi / width)
         if turns:
-            periods = [float(n) for n in _PERIODS if n >= least and n < 4 * fastest] or [least]
+            periods = [float(n) for n in _PERIODS if n >= least and n < 4 * fastest]
+            periods = periods or [2 * np.pi * n / width for n in (1, 2, 3)]
         else:
             periods = [2 * np.pi * n / width for n in (2, 3, 4, 6, 8, 11, 16, 22, 32)]
         unit = "1/turn" if turns else f"rad/{place.position_unit}"
