@@ -162,16 +162,18 @@ def test_the_diagnosis_holds_it_as_plain_values(diagnosed) -> None:
 
 
 @pytest.mark.parametrize(
-    ("gains", "gain", "refuted"),
+    ("gains", "gain", "white", "refuted"),
     [
-        ((5.0, -15.0, None), 40.0, True),
-        ((20.0, -15.0), 40.0, False),  # as a whole it forecasts better
-        ((-3.0, -4.0), 40.0, False),  # no more than chance
-        ((20.0, -25.0), 90.0, True),  # what gains so little should improve forecasts by nearly as much
-        ((20.0, -25.0), 160.0, False),
-        ((None, -15.0), 1700.0, False),  # next to what it gains where it acts
-        ((None, None), 40.0, False),  # it acts in one recording alone
+        ((5.0, -15.0, None), 40.0, True, True),
+        ((20.0, -15.0), 40.0, True, False),  # as a whole it forecasts better
+        ((-3.0, -4.0), 40.0, True, False),  # no more than chance
+        ((20.0, -25.0), 90.0, True, True),  # what gains so little should improve forecasts by nearly as much
+        ((20.0, -25.0), 160.0, True, False),
+        ((None, -15.0), 1700.0, False, False),  # next to what it gains where it acts
+        ((None, None), 40.0, True, False),  # it acts in one recording alone
+        ((None, -715.0, 6.0), 1890.0, False, True),
+        ((None, -715.0, 6.0), 1890.0, True, False),  # so much is no chance where white noise is left
     ],
 )
-def test_what_refutes_an_effect(gains, gain: float, refuted: bool) -> None:
-    assert is_refuted(gains, gain) is refuted
+def test_what_refutes_an_effect(gains, gain: float, white: bool, refuted: bool) -> None:
+    assert is_refuted(gains, gain, white) is refuted

@@ -1,5 +1,6 @@
 from __future__ import annotations
 
+import dataclasses
 from typing import Any
 
 import mujoco
@@ -40,3 +41,11 @@ def test_two_stops_fit_in_one_file_if_they_are_alike(bench: Any) -> None:
 def test_a_stop_is_described_by_where_it_is_on_the_joint(bench: Any) -> None:
     stop = LowerJointStop.at(bench.shoulder, bench.model).describe(np.array([60.0, 0.5, 0.2]))
     assert stop == {"position": -0.2, "stiffness": 60.0, "damping": 0.5}
+
+
+def test_stops_are_looked_for_where_they_were_hardly_touched(bench: Any) -> None:
+    place = dataclasses.replace(bench.shoulder, position=(-0.5, 1.5))
+    for kind, end in ((JointStop, 1.5), (LowerJointStop, 0.5)):
+        places = kind.at(place, bench.model).seeds[:, 2]
+        assert places.max() == pytest.approx(end - 0.0024 * 2.0)
+        assert np.ptp(places) > 0.8
