@@ -98,3 +98,13 @@ def test_a_wrong_unit_is_noticed_by_the_velocity(position: float, velocity: floa
 )
 def test_units_are_not_doubted_without_evidence(position: np.ndarray, velocity: np.ndarray) -> None:
     check_columns(columns(qpos_elbow=position, qvel_elbow=velocity), "run.csv")
+
+
+def test_a_few_rows_say_nothing_of_units() -> None:
+    few = {"time": TIME[:11], "qpos.elbow": -np.sin(3 * TIME[:11]), "qvel.elbow": 3 * np.cos(3 * TIME[:11])}
+    check_columns(few, "run.csv")
+    with pytest.raises(DataError, match="wrong sign"):
+        check_columns(
+            {"time": TIME[:12], "qpos.elbow": -np.sin(3 * TIME[:12]), "qvel.elbow": 3 * np.cos(3 * TIME[:12])},
+            "run.csv",
+        )

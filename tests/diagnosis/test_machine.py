@@ -43,6 +43,20 @@ def test_a_control_that_is_missing_is_noted(model, record) -> None:
     assert not machine.fit[0].control.any()
 
 
+def test_a_joint_with_a_velocity_alone_is_noted(bench, record) -> None:
+    twice = bench.xml.replace("</worldbody>", '<body><joint name="knee"/><geom size=".1"/></body></worldbody>')
+    given = record(name="a", qvel__knee=np.zeros(201))
+    machine = make_machine(mujoco.MjModel.from_xml_string(twice), [given], [record()])
+    assert machine.notes == ("a: qvel.knee without qpos.knee; knee counts as not measured. Record it.",)
+    assert machine.channels.joints == ("hip",)
+
+
+@pytest.mark.parametrize(("seconds", "said"), [(0.5, True), (1.2, False)])
+def test_that_little_was_recorded_is_noted(model, record, seconds: float, said: bool) -> None:
+    runs = [record(name=name, seconds=seconds) for name in ("a", "b")]
+    assert [note[:17] for note in make_machine(model, runs, [record()]).notes] == ["Only 1 s are fitt"] * said
+
+
 def test_no_recording_is_refused(model) -> None:
     with pytest.raises(DataError, match="no recording to fit"):
         make_machine(model, [], [])

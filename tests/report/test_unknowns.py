@@ -29,6 +29,13 @@ def test_the_next_recording(fakes: Any) -> None:
     assert unknowns(*fakes["named"]()).content["next"] is None
 
 
+def test_the_next_recording_tells_parameters_by_their_own_names(fakes: Any) -> None:
+    diagnosis, evidence = fakes["tie"]()
+    told = ["level of coulomb_friction at joint:joint_a 0.1 N m", "the rest"]
+    diagnosis["next_experiment"] = {**diagnosis["next_experiment"], "separates": told}
+    assert unknowns(diagnosis, evidence).content["next"]["separates"] == " from ".join(told)
+
+
 def test_an_open_sign_is_a_question() -> None:
     effect = {"name": "cogging", "target": "joint:a", "parameters": {"phase": {"value": 0.0, "ci95": [-1.0, 1.0]}}}
     points = unknowns({"verdict": "named", "effects": [effect]}, {}).content["points"]

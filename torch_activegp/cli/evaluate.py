@@ -39,9 +39,9 @@ def evaluate(
     After a diagnosis:  `torch-activegp evaluate runs/diagnose-arm/corrected.xml run4.csv`
 
     Errors are root mean squares over the recorded positions, in standard deviations of what was measured (1: as bad as
-    the mean; 0: right): one step of 0.1 s ahead, and free, from the first state to the end. Next to each stands the
-    noise of the measurement. A free run of the right model comes down to it; one step does not, for it begins at a
-    velocity that is smoothed from noisy positions.
+    the mean; 0: right): one step of 0.1 s beyond half a second that the model was fitted to, and free, from one fitted
+    state to the end. Next to each stands the noise of the measurement, as it seems in these recordings; the right model
+    comes down to about that.
     """
     if out is not None:
         check_free(out.parent, [glob.escape(out.name)])

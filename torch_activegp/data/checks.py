@@ -12,6 +12,8 @@ KINDS = ("qpos", "qvel", "ctrl", "qfrc")
 """What a column ``<kind>.<name>`` holds: position, velocity, control, known external force."""
 
 MIN_ROWS = 4
+_TELLING = 12
+"""Fewer rows say nothing of units and signs: noise alone may turn three steps around."""
 _UNIT_SLIPS = {
     180 / np.pi: "the position looks like deg",
     np.pi / 180: "the velocity looks like deg/s",
@@ -104,6 +106,8 @@ def _check_time(time: np.ndarray, where: str, rows: np.ndarray) -> None:
 
 def _check_velocity(time: np.ndarray, position: np.ndarray, velocity: np.ndarray, where: str) -> None:
     """Compare position steps with the velocity where it is large; a steady ratio far from 1 is a unit or a sign."""
+    if len(time) < _TELLING:
+        return
     step = (velocity[1:] + velocity[:-1]) / 2 * np.diff(time)
     fast = (np.abs(step) >= np.quantile(np.abs(step), 0.75)) & (step != 0)
     if not fast.any():

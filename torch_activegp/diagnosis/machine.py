@@ -17,6 +17,8 @@ from torch_activegp.errors import DataError
 
 _SHARE = 0.2
 _MOVES = 1e-9
+_SHORT = 2.0
+"""Less than this in all is hardly an experiment, s."""
 
 
 @dataclasses.dataclass(frozen=True)
@@ -80,6 +82,12 @@ def make_machine(
     if not kept:
         fit, kept, note = _set_aside(fit)
         notes.append(note)
+    seconds = sum(float(run.time[-1]) for run in fit)
+    if seconds < _SHORT:
+        notes.append(
+            f"Only {seconds:.3g} s are fitted: what is missing shows there only if it is gross. Record several seconds "
+            "in which every joint moves to and fro."
+        )
     return Machine(model, channels, tuple(fit), tuple(kept), tuple(dict.fromkeys(notes)), box)
 
 
@@ -91,6 +99,11 @@ def recording_notes(model: mujoco.MjModel, recordings: Sequence[Recording]) -> l
         missing = [f"ctrl.{name}" for name in input_addresses(model) if name not in recording.actuators]
         if missing:
             notes.append(f"{recording.label}: no {', '.join(missing)}; taken as 0.")
+        unseen = [joint for joint in recording.joints if f"qpos.{joint}" not in recording]
+        notes += [
+            f"{recording.label}: qvel.{joint} without qpos.{joint}; {joint} counts as not measured. Record it."
+            for joint in unseen
+        ]
     return notes
 
 

@@ -151,7 +151,7 @@ def search(
                 skipped.add(frozenset(fit.effects))
                 continue
             expanded.add(frozenset(fit.effects))
-            tell(f"testing what comes on top of {len(fit.effects)} effects")
+            tell(f"testing what comes on top of {len(fit.effects)} effect{'s' * (len(fit.effects) != 1)}")
             _expand(selection, shooting, effects, fit)
         _simplify(selection, shooting, effects)
         selection.rescale(shooting.dof)

@@ -63,11 +63,16 @@ def _limits(diagnosis: Values) -> str:
     return "What happens at speeds, loads and positions that these recordings never reached."
 
 
+def _told(words: str) -> str:
+    """An effect's name as the report writes it; a parameter and its value as they are."""
+    return words if " " in words else effect_name(words)
+
+
 def _next(following: Values | None) -> dict[str, Any] | None:
     if not following:
         return None
     return {
         "why": capital(str(following.get("why") or "")),
-        "separates": listed((effect_name(name) for name in following.get("separates") or []), "from"),
+        "separates": listed((_told(words) for words in following.get("separates") or []), "from"),
         "controls": following.get("controls") or "",
     }
