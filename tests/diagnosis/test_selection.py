@@ -51,7 +51,7 @@ def test_nothing_is_chosen_where_nothing_is_missing(clean) -> None:
 @pytest.mark.parametrize(("much", "best"), [(1.0, ()), (0.0, ("viscous_friction",))])
 def test_what_other_initial_states_alone_would_gain_is_no_effect(clean, monkeypatch, much, best) -> None:
     """The nominal's fit ended short of its optimum by more than a name costs; what gains much is not asked about."""
-    monkeypatch.setattr(module, "_LITTLE", much)
+    monkeypatch.setattr(module, "_SOME", much)
     short = clean.nominal.starts.copy()
     short[3] += 0.002
     nominal = clean.shooting.fit([((), ())], short, rounds=0)[0]
