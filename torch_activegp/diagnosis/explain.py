@@ -107,6 +107,9 @@ def explain(
         long = keep.once("length of segments", lambda: _longest(machine, numerics, noise, _FAR))
         return _start(machine, numerics, noise, effects, long, tell)
 
+    def select_from(start: _Start) -> Selection:
+        return select(start.shooting, effects, start.nominal, start.sets, start.first, tell, start.free)
+
     def name() -> tuple[_Start, Selection]:
         start = keep.once("naming on a part of the data", begin)
         first = start.first
@@ -114,13 +117,13 @@ def explain(
             sets = [(first.effects, first.values), *start.sets]
             start = _with_noise(machine, numerics, start, sets, start.free, other, tell)
         tell("naming on all data")
-        selection = select(start.shooting, effects, start.nominal, start.sets, start.first, tell, start.free)
+        selection = select_from(start)
         for number in range(_QUIETER):
             other = quieter(start.shooting, selection.best, noise, last=number == _QUIETER - 1)
             if other is None:
                 break
             start = _with_noise(machine, numerics, start, _leaders(selection), selection.score.free, other, tell)
-            selection = select(start.shooting, effects, start.nominal, start.sets, start.first, tell, start.free)
+            selection = select_from(start)
         return start, also_weak(start.shooting, selection, effects, tell)
 
     def finish() -> Explanation:

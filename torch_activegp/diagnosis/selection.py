@@ -220,7 +220,7 @@ def _be_fair(selection: Selection, shooting: Shooting) -> None:
 
     Other states may be all that gains: on a joint that sticks, or on the other side of an impact.
     """
-    best, nominal, little = selection.best, selection.nominal, _LITTLE * shooting.dof
+    best, nominal = selection.best, selection.nominal
     if not best.effects or best is selection.beside:
         return
     selection.beside = best
@@ -230,7 +230,7 @@ def _be_fair(selection: Selection, shooting: Shooting) -> None:
     sets = [
         (part, tuple(values[effect] for effect in part))
         for part, fit in zip(parts, known, strict=True)
-        if fit is not None and fit.chi2 - best.chi2 < (little if part else _SOME * shooting.dof)
+        if fit is not None and fit.chi2 - best.chi2 < (_LITTLE if part else _SOME) * shooting.dof
     ]
     again = shooting.fit(sets, best.starts, near=best)
     selection.add([fit for fit in again if fit.effects])

@@ -127,14 +127,15 @@ def pulls_of_gravity(model: mujoco.MjModel) -> dict[str, Array]:
     """The force on each slide by its target in each axis' unit of gravity, where no joint before it turns it, kg."""
     data, out = mujoco.MjData(model), {}
     mujoco.mj_kinematics(model, data)
-    slides, felt = model.jnt_type == mujoco.mjtJoint.mjJNT_SLIDE, model.body_mass * (1.0 - model.body_gravcomp)
+    slides, mass = model.jnt_type == mujoco.mjtJoint.mjJNT_SLIDE, model.body_mass * (1.0 - model.body_gravcomp)
+    for body in range(model.nbody - 1, 0, -1):  # with all that it carries
+        mass[model.body_parentid[body]] += mass[body]
     for joint in range(model.njnt):
         body = int(model.jnt_bodyid[joint])
         before = [other for other in range(joint + 1) if _carries(model, int(model.jnt_bodyid[other]), body)]
         if slides[before].all():
             name = model.joint(joint).name or f"joint{joint}"
-            mass = sum(float(felt[other]) for other in range(model.nbody) if _carries(model, body, other))
-            out[f"joint:{name}"] = mass * data.xaxis[joint].copy()
+            out[f"joint:{name}"] = mass[body] * data.xaxis[joint]
     return out
 
 
