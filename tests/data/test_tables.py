@@ -108,7 +108,7 @@ def test_text_in_hdf5_is_text(tmp_path: Path) -> None:
         ("a.csv", b"time,qpos.a\n1,2\n1,2,3\n", "a.csv: cannot be read as .csv: .*line 3"),
         ("a.csv", b"time,qpos.a\n1,2,3\n", "a.csv: cannot be read as .csv: Length of header"),
         ("a.csv", b"\n\n", "a.csv: "),
-        ("a.csv", b"\xff\xfe\x00\x01", "a.csv: cannot be read as .csv: .*codec"),
+        ("a.csv", b"\xff\xfe\x00\x01", "a.csv: no text in UTF-8 found. Name the file by its kind"),
         ("a.parquet", b"nonsense", "a.parquet: cannot be read as .parquet"),
         ("a.npz", b"nonsense", "a.npz: cannot be read as .npz"),
         ("a.npz", b"PK\x03\x04nonsense", "a.npz: cannot be read as .npz"),

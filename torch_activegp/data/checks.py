@@ -68,7 +68,8 @@ def check_finite(values: np.ndarray, where: str, column: str, rows: np.ndarray |
     bad = np.flatnonzero(~np.isfinite(values))
     if bad.size:
         row = bad[0] + 1 if rows is None else rows[bad[0]]
-        more = f" ({bad.size} such rows)" if bad.size > 1 else ""
+        more = " (or an empty cell)" if np.isnan(values[bad[0]]) else ""
+        more += f" ({bad.size} such rows)" if bad.size > 1 else ""
         raise DataError(
             f"{where}, row {row}, column `{column}`: a finite number wanted, found {values[bad[0]]}{more}. "
             "Fill the value in or drop the row."
@@ -100,7 +101,8 @@ def _check_time(time: np.ndarray, where: str, rows: np.ndarray) -> None:
         found = f"goes back from {before:.10g} s to" if after < before else "stands still at"
         raise DataError(
             f"{where}, row {rows[bad[0] + 1]}: `time` {found} {after:.10g} s. "
-            "Split the file there, or give a column map (--columns MAP.toml) with a `run` column."
+            "Split the file there if another recording begins, else sort the rows; "
+            "or give a column map (--columns MAP.toml) with a `run` column."
         )
 
 

@@ -42,6 +42,10 @@ def read_table(path: Path) -> pd.DataFrame:
         table = _READERS[suffix](path)
     except DataError:
         raise
+    except UnicodeDecodeError as error:
+        raise DataError(
+            f"{path.name}: no text in UTF-8 found. Name the file by its kind, or export it again."
+        ) from error
     except _DAMAGE as error:
         raise DataError(
             f"{path.name}: cannot be read as {suffix}: {error}. Mend the file or export it again."
