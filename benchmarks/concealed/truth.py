@@ -141,13 +141,27 @@ def _control(plant, signal, k, y, v, out):
 
 
 @inlined
+def _reaching(state, time, U, k, now, h, delay, i):
+    """Mean over a step of the control that reaches an actuator after its delay."""
+    while state.row[i] < k and time[state.row[i] + 1] <= now + 1e-9 - delay:
+        state.row[i] += 1
+    row = state.row[i]
+    begun = now + 1e-9 - delay >= time[0]
+    u = U[row, i] if begun else 0.0
+    following = row + 1 if begun else 0
+    if following <= k:
+        share = (time[following] + delay - now) / h
+        if share < 1.0:
+            u = share * u + (1 - share) * U[following, i]
+    return u
+
+
+@inlined
 def _motor(plant, state, middle, time, U, k, clock, i):
     """Torque of an actuator on its joint at the middle of a step; clock: start of the step and its length."""
     now, h = clock
     row = plant.actuator[i]
-    while state.row[i] < k and time[state.row[i] + 1] <= now + 1e-9 - row[A.DELAY]:
-        state.row[i] += 1
-    u = U[state.row[i], i] if now + 1e-9 - row[A.DELAY] >= time[0] else 0.0
+    u = _reaching(state, time, U, k, now, h, row[A.DELAY], i)
     if row[A.LAG] > 0:
         before = state.lag[i]
         state.lag[i] += (u - before) * (1 - np.exp(-h / row[A.LAG]))

@@ -17,7 +17,7 @@ from benchmarks.concealed.cases import COUNTS, list_cases, make_case
 from benchmarks.concealed.dynamics import mass_and_bias, read_tree, room
 from benchmarks.concealed.evaluate import touches
 from benchmarks.concealed.peers import regression
-from benchmarks.concealed.plant import J, read_plant
+from benchmarks.concealed.plant import A, J, read_plant
 from benchmarks.concealed.systems import SYSTEMS, write_model
 from benchmarks.concealed.truth import Motion, open_loop, simulate
 
@@ -88,6 +88,14 @@ def test_play_moves_the_load_only_when_the_rotor_has_crossed_it() -> None:
     after = time > contact + 0.02
     speed, since = contact / 3, time[after] - contact  # inelastic: momentum is shared
     np.testing.assert_allclose(motion.q[after, 0], speed * since + since**2 / 6, atol=2e-4)
+
+
+@pytest.mark.parametrize("delay", [0.0, 0.00333, 0.0215])
+def test_a_delay_ends_within_a_step_of_the_truth(delay: float) -> None:
+    plant, time = free_block(), np.arange(0, 0.1, 0.01)
+    plant.actuator[0, A.DELAY] = delay
+    speed = simulate(plant, open_loop(time, np.ones((len(time), 1)), 1), np.zeros(1), np.zeros(1)).v[-1, 0]
+    assert speed == pytest.approx((time[-1] - delay) / 3, abs=1e-12)
 
 
 def test_poses_in_which_links_meet_are_seen() -> None:

@@ -22,7 +22,7 @@ from torch_activegp.diagnosis.numerics import Numerics, Sets
 from torch_activegp.diagnosis.polish import polish
 from torch_activegp.diagnosis.runs import Array, median_step
 from torch_activegp.diagnosis.segments import Segments, cut, halve
-from torch_activegp.diagnosis.selection import NOISE_ALONE, Depth, select
+from torch_activegp.diagnosis.selection import NOISE_ALONE, Depth, hopeless, select
 from torch_activegp.diagnosis.shooting import Shooting
 from torch_activegp.diagnosis.weak import also_weak
 from torch_activegp.physics.effect import Effect
@@ -153,22 +153,23 @@ def _start(
         rough = part.fit([((), ())], here.starts, near=here)[0]
         chosen = select(part, effects, rough, tell=tell, depth=Depth(rounds=1))
         if chosen.best.effects and chosen.score.scale > NOISE_ALONE:
-            sets, free = _leaders(chosen), chosen.score.free  # behind them another form may agree better
-            engine, shooting, nominal, judged = numerics.choose(shooting.segments, noise, nominal, nominal, sets)
-            part, which = _part(shooting, excess)
-            here, there = nominal.pick(which), judged.pick(which)
-            seen = part.fit([(there.effects, there.values)], there.starts, near=there)[0]
+            sets, free, here, seen = _leaders(chosen), chosen.score.free, rough, chosen.best
+            if not hopeless(chosen, part):  # behind them another form may agree better
+                engine, shooting, nominal, judged = numerics.choose(shooting.segments, noise, nominal, nominal, sets)
+                part, which = _part(shooting, excess)
+                here, there = nominal.pick(which), judged.pick(which)
+                seen = part.fit([(there.effects, there.values)], there.starts, near=there)[0]
             others = _besides(sets, seen)
             chosen = select(part, effects, here, others, seen, tell, free, Depth(swaps=0))  # swaps come with all data
-        sets, free = _leaders(chosen), chosen.score.free
+        sets, free, lost = _leaders(chosen), chosen.score.free, hopeless(chosen, part)
         halved, used = segments.size > _uncut(machine).size, shooting.segments
         near = halved and bool(used.far_off(nominal.per_segment, _FAR / 4).any())
         fewer = _longest(machine, numerics, noise, _TOO_FAR) if near else (segments, nominal)
         longer = fewer[0].size < segments.size
         if longer:
             used, nominal = fewer
-        if longer or frozenset(chosen.best.effects) != frozenset(judged.effects):
-            engine, shooting, nominal, judged = numerics.choose(used, noise, nominal, nominal, sets)
+        if longer or (frozenset(chosen.best.effects) != frozenset(judged.effects) and not lost):
+            engine, shooting, nominal, judged = numerics.choose(used, noise, nominal, nominal, [] if lost else sets)
             sets = _besides(sets, judged)
     return _Start(engine, shooting, nominal, sets, judged, free)
 
@@ -200,10 +201,10 @@ def _with_noise(
 def _finish(
     numerics: Numerics, effects: Sequence[Effect], start: _Start, selection: Selection, tell: Tell
 ) -> Explanation:
-    """Looks at the numerics once more behind the effects, unless they were chosen behind just these."""
+    """Looks at the numerics once more behind the effects, unless they were chosen behind just these, or say little."""
     engine, shooting = start.engine, start.shooting
     best, leaders = selection.best, _leaders(selection)
-    if best.effects and _besides([(best.effects, best.values)], start.first):
+    if best.effects and _besides([(best.effects, best.values)], start.first) and not hopeless(selection, shooting):
         known = (engine, shooting)
         again, other, bare, judged = numerics.choose(
             shooting.segments, shooting.noise, best, start.nominal, leaders, known

@@ -35,7 +35,7 @@ from torch_activegp.physics.effect import Effect
 
 BEAM = 2
 SWAPS = 2
-HOPELESS = 0.5
+_HOPELESS = 0.5
 NOISE_ALONE = 1.1
 """What is left per degree of freedom where little but noise is: forms of a model and floors are off by some percent."""
 MAX_EFFECTS = 4
@@ -138,15 +138,14 @@ def search(
             break
         beam = [f for f in selection.ranked() if frozenset(f.effects) not in expanded | skipped]
         beam = [f for f in beam[:BEAM] if selection.score(f) <= selection.score(selection.best) + selection.score.slack]
-        hopeless = _hopeless(selection, shooting, 1)
-        if not beam and hopeless and frozenset() not in expanded:
+        if not beam and frozenset() not in expanded and hopeless(selection, shooting):
             beam = [selection.nominal]  # what was found on a part of the data led astray: from the beginning, on all
         if not beam:
             if not next(resorts, False):
                 break
             continue
         for fit in beam:
-            lost = bool(fit.effects) and _hopeless(selection, shooting, 2)
+            lost = bool(fit.effects) and hopeless(selection, shooting, least=2)
             room = selection.score.names_in(fit.effects) < MAX_EFFECTS and selection.may_pay(fit, shooting.dof)
             if not room or lost or _cannot_win(selection, fit, expanded):
                 skipped.add(frozenset(fit.effects))
@@ -166,7 +165,7 @@ def _resorts(
         yield True
     swapped: frozenset[Effect] = frozenset()
     for _ in range(swaps):
-        if frozenset(selection.best.effects) == swapped or _hopeless(selection, shooting, 1):
+        if frozenset(selection.best.effects) == swapped or hopeless(selection, shooting):
             break
         swapped = frozenset(selection.best.effects)
         tell("testing what could stand in place of each effect")
@@ -248,12 +247,12 @@ def _cannot_win(selection: Selection, fit: Fit, expanded: set[frozenset[Effect]]
     return done and score.price(fit.effects) > score.price(best.effects)
 
 
-def _hopeless(selection: Selection, shooting: Shooting, least: int) -> bool:
+def hopeless(selection: Selection, shooting: Shooting, least: int = 1) -> bool:
     """Whether some effects together leave most of a large mismatch: what is missing is not on the list."""
     best, nominal = selection.best, selection.nominal
     there = nominal.chi2 - shooting.dof
     left = best.chi2 - shooting.dof
-    return len(best.effects) >= least and there > 0.2 * shooting.dof and left > HOPELESS * there
+    return len(best.effects) >= least and there > 0.2 * shooting.dof and left > _HOPELESS * there
 
 
 def _proposals(selection: Selection, fit: Fit, screened: Screen, most: int) -> list[Set]:
