@@ -46,6 +46,32 @@ def test_scores_that_vary_more_than_the_noise_widen_the_interval(bench) -> None:
     assert covariance(bench.shooting, wild)[0, 0] > 10 * covariance(bench.shooting, fit)[0, 0]
 
 
+def test_what_is_alike_within_a_recording_widens_the_interval_as_leaving_recordings_out_does(bench) -> None:
+    rng, recordings, each = np.random.default_rng(1), 5, 8
+    design, pushes = np.ones((recordings * each, 1)), np.repeat(rng.normal(size=recordings), each)
+    pushes -= pushes.mean()
+    run = np.repeat(np.arange(recordings), each)
+    segments = dataclasses.replace(bench.segments.pick(np.zeros(run.size, dtype=np.int64)), run=run)
+    fit = dataclasses.replace(
+        bench.nominal,
+        effects=(),
+        values=(np.zeros(1),),
+        chi2=float(bench.shooting.dof),
+        information=design.T @ design,
+        scores=design * pushes[:, None],
+        design=np.zeros((run.size, 1, 2)),
+        columns=design[:, None],
+    )
+    left_out = np.array([pushes[run != number].mean() for number in range(recordings)])
+    jackknife = (recordings - 1) / recordings * (left_out**2).sum()
+    shooting = dataclasses.replace(bench.shooting, segments=segments)
+    assert covariance(shooting, fit)[0, 0] == pytest.approx(jackknife)
+    assert jackknife > 3 * (pushes**2).sum() / pushes.size**2
+    fewer = dataclasses.replace(shooting, segments=dataclasses.replace(segments, run=np.minimum(run, 2)))
+    assert covariance(fewer, fit)[0, 0] < 0.5 * jackknife
+    assert covariance(shooting, fit.without_derivatives)[0, 0] < 0.5 * jackknife
+
+
 def test_a_derived_parameter_gets_its_own_unit(bench) -> None:
     effect = bench.effect("actuator_gain", "actuator:drive")
     fit = bench.shooting.fit([((effect,), (np.array([0.05]),))], bench.nominal.starts)[0]

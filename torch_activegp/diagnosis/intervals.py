@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from scipy import stats
 
-from torch_activegp.diagnosis.elimination import invert
+from torch_activegp.diagnosis.elimination import eliminate, invert
 from torch_activegp.diagnosis.fit import Fit
 from torch_activegp.diagnosis.result import Estimate
 from torch_activegp.diagnosis.runs import Array
@@ -13,6 +13,8 @@ from torch_activegp.diagnosis.shooting import Shooting
 from torch_activegp.physics.effect import Effect
 
 _LEVEL = 0.975
+_RECORDINGS = 4
+"""From so few on their spread says something."""
 _WIDEST = 5.0
 """Ends at most 150 times the value away: more says no more."""
 
@@ -20,20 +22,45 @@ _WIDEST = 5.0
 def covariance(shooting: Shooting, fit: Fit) -> Array:
     """Covariance of the parameters of a fit, ``(P, P)``.
 
-    The larger, parameter by parameter, of two estimates: the inverse information times the variance that is left, and
-    the sandwich over segments, which holds where the noise is not what the likelihood says.
+    The largest, parameter by parameter, of three estimates: the inverse information times the variance that is left;
+    the sandwich over segments, which holds where the noise is not what the likelihood says; and the jackknife over
+    recordings, to first order, which holds where what is left of one is alike throughout.
 
-    Reference: White, *Maximum Likelihood Estimation of Misspecified Models*, Econometrica 50 (1982).
+    References:
+        White, *Maximum Likelihood Estimation of Misspecified Models*, Econometrica 50 (1982).
+        Hinkley, *Jackknifing in Unbalanced Situations*, Technometrics 19 (1977).
     """
     inverse = invert(fit.information)
     variance = max(fit.chi2 / max(shooting.dof - fit.size, 1), 1e-12)
     plain = variance * inverse
+    others = [np.diag(each) for each in (_sandwich(fit, inverse), _jackknife(shooting, fit, inverse))]
+    largest = np.maximum.reduce([np.diag(plain), *others])
+    ratio = np.sqrt(largest / np.maximum(np.diag(plain), 1e-300))
+    return plain * np.outer(ratio, ratio)
+
+
+def _sandwich(fit: Fit, inverse: Array) -> Array:
+    """Covariance by how much the segments' scores differ; zero where there are hardly more of them than parameters."""
     size = len(fit.scores)
     if size <= fit.size + 2:
-        return plain
-    sandwich = inverse @ (fit.scores.T @ fit.scores) @ inverse * size / (size - fit.size)
-    ratio = np.sqrt(np.maximum(np.diag(sandwich) / np.maximum(np.diag(plain), 1e-300), 1.0))
-    return plain * np.outer(ratio, ratio)
+        return np.zeros_like(inverse)
+    return np.asarray(inverse @ (fit.scores.T @ fit.scores) @ inverse * size / (size - fit.size))
+
+
+def _jackknife(shooting: Shooting, fit: Fit, inverse: Array) -> Array:
+    """Covariance by how far the parameters would move without each recording.
+
+    Zero where there are few recordings, or no derivatives to tell the information of each.
+    """
+    runs, index = np.unique(shooting.segments.run, return_inverse=True)
+    if len(runs) < _RECORDINGS or fit.design is None or fit.columns is None:
+        return np.zeros_like(inverse)
+    normal = eliminate(fit.design, fit.columns, np.zeros(fit.design.shape[:2])).normal
+    moves = []
+    for number in range(len(runs)):
+        out = index == number
+        moves.append(invert(normal[~out].sum(axis=0)) @ fit.scores[out].sum(axis=0))
+    return np.asarray(np.transpose(moves) @ np.stack(moves) * (len(runs) - 1) / len(runs))
 
 
 def standard_errors(shooting: Shooting, fit: Fit, effect: Effect) -> dict[str, float]:
