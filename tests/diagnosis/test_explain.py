@@ -6,6 +6,7 @@ import mujoco
 import numpy as np
 import pytest
 
+from tests.diagnosis.conftest import make_bench
 from torch_activegp.diagnosis.explain import _besides, _longest, explain
 from torch_activegp.diagnosis.noise_model import NoiseModel
 from torch_activegp.diagnosis.numerics import Numerics
@@ -62,6 +63,22 @@ def test_numerics_are_looked_at_again_behind_another_set_alone(bench, monkeypatc
     monkeypatch.setattr(Numerics, "choose", lambda *a, **k: known.append(len(a) > 6) or choose(*a, **k))
     assert explain(bench.machine, some(bench), 1).selection.best.keys == {("viscous_friction", "joint:hip")}
     assert known.count(True) == (not early)
+
+
+@pytest.mark.parametrize("lost", [True, False])
+def test_numerics_are_not_looked_at_behind_names_that_leave_most_of_the_mismatch(monkeypatch, lost) -> None:
+    """A bump that no mass explains: which form fits better behind that says nothing."""
+    bumpy = make_bench("bump")
+    for name in ("_ENOUGH", "_FEWEST"):
+        monkeypatch.setattr(f"torch_activegp.diagnosis.explain.{name}", 1.0)
+    if not lost:
+        monkeypatch.setattr("torch_activegp.diagnosis.explain.hopeless", lambda *_: False)
+    behind, choose = [], Numerics.choose
+    monkeypatch.setattr(Numerics, "choose", lambda *a: behind.append(len(a) > 5 and bool(a[5])) or choose(*a))
+    tried = [effect for effect in bumpy.effects if effect.name == "payload_mass"]
+    found = explain(bumpy.machine, tried, 1)
+    assert found.selection.best.effects
+    assert any(behind) == (not lost)
 
 
 def test_a_coarse_time_step_is_not_taken_for_a_delay(clean) -> None:

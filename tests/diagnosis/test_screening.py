@@ -50,6 +50,28 @@ def test_the_column_of_an_effect_is_its_simulated_change(clean, name, target) ->
     assert atom.values[0] == pytest.approx(amount[0], rel=0.2)
 
 
+@pytest.mark.parametrize(
+    ("name", "target", "value"),
+    [
+        ("actuator_dead_zone", "actuator:drive", 0.0005),
+        ("actuator_dead_zone", "actuator:drive", 0.14),
+        ("actuator_delay", "actuator:drive", 0.0008),
+        ("actuator_delay", "actuator:drive", 0.009),
+        ("actuator_lag", "actuator:drive", 0.0012),
+        ("sensor_delay", "sensor:hip", 0.001),
+    ],
+)
+def test_the_first_guess_of_a_shape_without_amplitudes_is_close_to_it(clean, name, target, value) -> None:
+    """Below all seeds too: what a seed does, times the share of it that fits."""
+    effect, truth = clean.effect(name, target), np.array([value])
+    there = clean.predict(Candidate((effect,), (truth,)))
+    seen = dataclasses.replace(clean.segments, position=there)
+    screened = screen(dataclasses.replace(clean.shooting, segments=seen), clean.nominal, [effect])
+    (atom,) = screened.best()
+    assert atom.values[0] == pytest.approx(value, rel=0.35)
+    assert atom.as_it_is == pytest.approx(max(each.gain for each in screened.atoms), rel=0.25)
+
+
 def test_what_is_fitted_already_gains_nothing_more(bench) -> None:
     fit = bench.fit("viscous_friction", 0.05)
     atoms = screen(bench.shooting, fit, bench.effects).best()
