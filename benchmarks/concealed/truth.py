@@ -142,7 +142,7 @@ def _control(plant, signal, k, y, v, out):
 
 @inlined
 def _reaching(state, time, U, k, now, h, delay, i):
-    """Mean over a step of the control that reaches an actuator after its delay."""
+    """Mean over a step of the control that reaches an actuator after its delay; rows are no closer than a step."""
     while state.row[i] < k and time[state.row[i] + 1] <= now + 1e-9 - delay:
         state.row[i] += 1
     row = state.row[i]

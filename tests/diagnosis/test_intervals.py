@@ -46,30 +46,45 @@ def test_scores_that_vary_more_than_the_noise_widen_the_interval(bench) -> None:
     assert covariance(bench.shooting, wild)[0, 0] > 10 * covariance(bench.shooting, fit)[0, 0]
 
 
-def test_what_is_alike_within_a_recording_widens_the_interval_as_leaving_recordings_out_does(bench) -> None:
-    rng, recordings, each = np.random.default_rng(1), 5, 8
-    design, pushes = np.ones((recordings * each, 1)), np.repeat(rng.normal(size=recordings), each)
-    pushes -= pushes.mean()
+def _recorded(bench, rng, recordings, each, excitement, alike):
+    """A shooting of some recordings, and a fit of two parameters with what is alike within each among its scores."""
     run = np.repeat(np.arange(recordings), each)
     segments = dataclasses.replace(bench.segments.pick(np.zeros(run.size, dtype=np.int64)), run=run)
+    design = excitement[run, None, None] * rng.normal(size=(run.size, 30, 2))
+    residual = rng.normal(size=(run.size, 30)) + alike * rng.normal(size=recordings)[run, None]
+    normal = np.einsum("smp,smq->pq", design, design)
+    design[..., 0] += 3.0 * (alike > 0.0)  # what is alike pushes the first
+    shooting = dataclasses.replace(bench.shooting, segments=segments)
     fit = dataclasses.replace(
         bench.nominal,
         effects=(),
-        values=(np.zeros(1),),
-        chi2=float(bench.shooting.dof),
-        information=design.T @ design,
-        scores=design * pushes[:, None],
-        design=np.zeros((run.size, 1, 2)),
-        columns=design[:, None],
+        values=(np.zeros(2),),
+        chi2=float(shooting.dof - 2),
+        information=normal,
+        scores=np.einsum("smp,sm->sp", design, residual),
     )
-    left_out = np.array([pushes[run != number].mean() for number in range(recordings)])
-    jackknife = (recordings - 1) / recordings * (left_out**2).sum()
-    shooting = dataclasses.replace(bench.shooting, segments=segments)
-    assert covariance(shooting, fit)[0, 0] == pytest.approx(jackknife)
-    assert jackknife > 3 * (pushes**2).sum() / pushes.size**2
-    fewer = dataclasses.replace(shooting, segments=dataclasses.replace(segments, run=np.minimum(run, 2)))
-    assert covariance(fewer, fit)[0, 0] < 0.5 * jackknife
-    assert covariance(shooting, fit.without_derivatives)[0, 0] < 0.5 * jackknife
+    return shooting, fit
+
+
+def test_what_is_alike_within_a_recording_widens_the_interval(bench) -> None:
+    """By as much as the sums of their scores differ, which is more than those of segments do."""
+    shooting, fit = _recorded(bench, np.random.default_rng(1), 5, 8, np.array([1.0, 2.0, 1.0, 0.5, 3.0]), alike=1.0)
+    sums = fit.scores.reshape(5, 8, 2).sum(axis=1)
+    inverse = np.linalg.inv(fit.information)
+    wanted = 5 / 4 * inverse @ sums.T @ sums @ inverse
+    found, without = covariance(shooting, fit), covariance(shooting, fit, recordings=False)
+    assert found[0, 0] == pytest.approx(wanted[0, 0])
+    assert found[0, 0] > 3 * without[0, 0]
+    fewer = dataclasses.replace(shooting.segments, run=np.minimum(shooting.segments.run, 2))
+    assert covariance(dataclasses.replace(shooting, segments=fewer), fit) == pytest.approx(without)
+
+
+def test_one_recording_that_says_most_widens_no_interval(bench) -> None:
+    excitement, ratios = np.array([1.0, 1.0, 30.0, 1.0, 1.0]), []
+    for seed in range(20):
+        shooting, fit = _recorded(bench, np.random.default_rng(seed), 5, 8, excitement, alike=0.0)
+        ratios.append(np.diag(covariance(shooting, fit)) / np.diag(np.linalg.inv(fit.information)))
+    assert np.sqrt(np.median(ratios)) < 1.5
 
 
 def test_a_derived_parameter_gets_its_own_unit(bench) -> None:

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from torch_activegp.diagnosis.engine import Candidate
-from torch_activegp.diagnosis.screening import Screen, screen
+from torch_activegp.diagnosis.screening import Atom, Screen, _atom, screen
 
 
 @pytest.fixture(scope="module")
@@ -54,9 +54,7 @@ def test_the_column_of_an_effect_is_its_simulated_change(clean, name, target) ->
     ("name", "target", "value"),
     [
         ("actuator_dead_zone", "actuator:drive", 0.0005),
-        ("actuator_dead_zone", "actuator:drive", 0.14),
         ("actuator_delay", "actuator:drive", 0.0008),
-        ("actuator_delay", "actuator:drive", 0.009),
         ("actuator_lag", "actuator:drive", 0.0012),
         ("sensor_delay", "sensor:hip", 0.001),
     ],
@@ -70,6 +68,41 @@ def test_the_first_guess_of_a_shape_without_amplitudes_is_close_to_it(clean, nam
     (atom,) = screened.best()
     assert atom.values[0] == pytest.approx(value, rel=0.35)
     assert atom.as_it_is == pytest.approx(max(each.gain for each in screened.atoms), rel=0.25)
+
+
+@pytest.mark.parametrize(
+    ("number", "amplitude", "wanted"),
+    [(2, 1.0, (2, 1.0)), (2, 50.0, (3, 1.0)), (2, 0.001, (1, 1.0)), (0, 0.25, (0, 0.25)), (-1, 7.0, (-1, 1.0))],
+)
+def test_a_size_is_scaled_up_to_the_seeds_next_to_it(bench, number, amplitude, wanted) -> None:
+    effect = bench.effect("actuator_delay", "actuator:drive")
+    value, seed = effect.seeds[wanted[0]] * wanted[1], effect.seeds[number]
+    atom = _atom(effect, seed, slice(0, 1), np.array([[4.0]]), np.array([4.0 * amplitude]))
+    share = value[0] / seed[0]
+    assert atom.values == pytest.approx(value)
+    assert atom.as_it_is == pytest.approx(4.0 * share * (2.0 * amplitude - share))
+    assert atom.gain == pytest.approx(4.0 * amplitude**2)
+
+
+def test_a_place_is_not_scaled(bench) -> None:
+    effect = bench.effect("actuator_saturation", "actuator:drive")
+    atom = _atom(effect, effect.seeds[3], slice(0, 1), np.array([[4.0]]), np.array([2.0]))
+    assert atom.values == pytest.approx(effect.seeds[3])
+    assert (atom.gain, atom.as_it_is) == pytest.approx((1.0, 0.0))
+
+
+@pytest.mark.parametrize(("promises", "first"), [((-5.0, 6.0), 1), ((-5.0, -6.0), 0), ((7.0, 6.0), 0)])
+def test_of_two_seeds_the_one_with_which_a_fit_begins_better_is_the_best(bench, promises, first) -> None:
+    effect = bench.effect("actuator_delay", "actuator:drive")
+    atoms = [
+        Atom(effect, seed, gain, promise, slice(0, 1), seed)
+        for seed, gain, promise in zip(effect.seeds, (10.0, 8.0), promises, strict=False)
+    ]
+    screened = Screen(tuple(atoms), np.eye(1), np.zeros(1))
+    for factor in (1.0, 3.0):
+        (best,) = screened.times(factor).best()
+        assert (best.seed == effect.seeds[first]).all()
+        assert (best.gain, best.as_it_is) == (factor * atoms[first].gain, factor * promises[first])
 
 
 def test_what_is_fitted_already_gains_nothing_more(bench) -> None:

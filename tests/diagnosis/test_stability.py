@@ -91,6 +91,13 @@ def test_a_parameter_that_moves_far_is_said_to(found_for) -> None:
     assert "standard errors without run1: more than its interval leads to expect" in found.sentence
 
 
+def test_so_it_is_among_many_recordings_whose_spread_widens_the_interval(found_for) -> None:
+    found = found_for(["viscous", "none", "viscous", "viscous"], seconds=8.0)
+    assert found.effects[0].parameters["coefficient"].farthest == "run1"
+    assert found.effects[0].parameters["coefficient"].shift > 2.5
+    assert "standard errors without run1: more than its interval leads to expect" in found.sentence
+
+
 def test_of_two_effects_the_one_that_does_nothing_is_told_apart(found_for) -> None:
     viscous, force = found_for(["viscous"] * 3, ("viscous_friction", "constant_force")).effects
     assert viscous.rests_on == ()

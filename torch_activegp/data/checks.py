@@ -99,9 +99,10 @@ def _check_time(time: np.ndarray, where: str, rows: np.ndarray) -> None:
     if bad.size:
         before, after = time[bad[0]], time[bad[0] + 1]
         found = f"goes back from {before:.10g} s to" if after < before else "stands still at"
+        mend = "sort the rows" if after < before else "drop the doubled row"
         raise DataError(
             f"{where}, row {rows[bad[0] + 1]}: `time` {found} {after:.10g} s. "
-            "Split the file there if another recording begins, else sort the rows; "
+            f"Split the file there if another recording begins, else {mend}; "
             "or give a column map (--columns MAP.toml) with a `run` column."
         )
 

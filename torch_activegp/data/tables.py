@@ -44,7 +44,8 @@ def read_table(path: Path) -> pd.DataFrame:
         raise
     except UnicodeDecodeError as error:
         raise DataError(
-            f"{path.name}: no text in UTF-8 found. Name the file by its kind, or export it again."
+            f"{path.name}: text in UTF-8 wanted, found byte 0x{error.object[error.start]:02x} at {error.start}. "
+            "Save it as UTF-8, or, if it is no text, give it the ending of its kind."
         ) from error
     except _DAMAGE as error:
         raise DataError(

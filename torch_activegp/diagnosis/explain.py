@@ -201,7 +201,7 @@ def _with_noise(
 def _finish(
     numerics: Numerics, effects: Sequence[Effect], start: _Start, selection: Selection, tell: Tell
 ) -> Explanation:
-    """Looks at the numerics once more behind the effects, unless they were chosen behind just these, or say little."""
+    """Looks at the numerics once more behind the effects, unless chosen behind just these, or these explain little."""
     engine, shooting = start.engine, start.shooting
     best, leaders = selection.best, _leaders(selection)
     if best.effects and _besides([(best.effects, best.values)], start.first) and not hopeless(selection, shooting):

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from scipy import stats
 
-from torch_activegp.diagnosis.elimination import eliminate, invert
+from torch_activegp.diagnosis.elimination import invert
 from torch_activegp.diagnosis.fit import Fit
 from torch_activegp.diagnosis.result import Estimate
 from torch_activegp.diagnosis.runs import Array
@@ -14,61 +14,58 @@ from torch_activegp.physics.effect import Effect
 
 _LEVEL = 0.975
 _RECORDINGS = 4
-"""From so few on their spread says something."""
+"""Fewer recordings say little of their spread. Where they differ and nothing else counts, 95 % intervals cover 86 %
+with four of them and 92 % with twelve."""
 _WIDEST = 5.0
 """Ends at most 150 times the value away: more says no more."""
 
 
-def covariance(shooting: Shooting, fit: Fit) -> Array:
+def covariance(shooting: Shooting, fit: Fit, recordings: bool = True) -> Array:
     """Covariance of the parameters of a fit, ``(P, P)``.
 
     The largest, parameter by parameter, of three estimates: the inverse information times the variance that is left;
-    the sandwich over segments, which holds where the noise is not what the likelihood says; and the jackknife over
-    recordings, to first order, which holds where what is left of one is alike throughout.
+    the sandwich over segments, which holds where the noise is not what the likelihood says; and the sandwich over
+    recordings, which holds where what is left of one is alike throughout.
+
+    Args:
+        shooting: the likelihood.
+        fit: the set.
+        recordings: whether the third one counts.
 
     References:
         White, *Maximum Likelihood Estimation of Misspecified Models*, Econometrica 50 (1982).
-        Hinkley, *Jackknifing in Unbalanced Situations*, Technometrics 19 (1977).
+        Liang, Zeger, *Longitudinal Data Analysis Using Generalized Linear Models*, Biometrika 73 (1986).
     """
     inverse = invert(fit.information)
     variance = max(fit.chi2 / max(shooting.dof - fit.size, 1), 1e-12)
     plain = variance * inverse
-    others = [np.diag(each) for each in (_sandwich(fit, inverse), _jackknife(shooting, fit, inverse))]
-    largest = np.maximum.reduce([np.diag(plain), *others])
-    ratio = np.sqrt(largest / np.maximum(np.diag(plain), 1e-300))
+    variances = [np.diag(plain)]
+    size = len(fit.scores)
+    if size > fit.size + 2:
+        variances.append(size / (size - fit.size) * _sandwich(fit.scores, inverse))
+    runs, index = np.unique(shooting.segments.run, return_inverse=True)
+    if recordings and len(runs) >= _RECORDINGS:
+        scores = np.zeros((len(runs), fit.size))
+        np.add.at(scores, index, fit.scores)
+        variances.append(len(runs) / (len(runs) - 1) * _sandwich(scores, inverse))
+    ratio = np.sqrt(np.maximum.reduce(variances) / np.maximum(np.diag(plain), 1e-300))
     return plain * np.outer(ratio, ratio)
 
 
-def _sandwich(fit: Fit, inverse: Array) -> Array:
-    """Covariance by how much the segments' scores differ; zero where there are hardly more of them than parameters."""
-    size = len(fit.scores)
-    if size <= fit.size + 2:
-        return np.zeros_like(inverse)
-    return np.asarray(inverse @ (fit.scores.T @ fit.scores) @ inverse * size / (size - fit.size))
+def _sandwich(scores: Array, inverse: Array) -> Array:
+    """Variances of the parameters ``(P,)`` by independent scores ``(N, P)``."""
+    return np.asarray(((scores @ inverse) ** 2).sum(axis=0))
 
 
-def _jackknife(shooting: Shooting, fit: Fit, inverse: Array) -> Array:
-    """Covariance by how far the parameters would move without each recording.
+def standard_errors(shooting: Shooting, fit: Fit, effect: Effect, recordings: bool = True) -> dict[str, float]:
+    """Standard errors of the parameters of one effect of a fit as its users know them (delta method).
 
-    Zero where there are few recordings, or no derivatives to tell the information of each.
+    See :func:`covariance` for the arguments.
     """
-    runs, index = np.unique(shooting.segments.run, return_inverse=True)
-    if len(runs) < _RECORDINGS or fit.design is None or fit.columns is None:
-        return np.zeros_like(inverse)
-    normal = eliminate(fit.design, fit.columns, np.zeros(fit.design.shape[:2])).normal
-    moves = []
-    for number in range(len(runs)):
-        out = index == number
-        moves.append(invert(normal[~out].sum(axis=0)) @ fit.scores[out].sum(axis=0))
-    return np.asarray(np.transpose(moves) @ np.stack(moves) * (len(runs) - 1) / len(runs))
-
-
-def standard_errors(shooting: Shooting, fit: Fit, effect: Effect) -> dict[str, float]:
-    """Standard errors of the parameters of one effect of a fit as its users know them (delta method)."""
     k = fit.effects.index(effect)
     first = sum(len(v) for v in fit.values[:k])
     values = fit.values[k]
-    block = covariance(shooting, fit)[first : first + len(values), first : first + len(values)]
+    block = covariance(shooting, fit, recordings)[first : first + len(values), first : first + len(values)]
     center = effect.describe(values)
     steps = 1e-4 * np.maximum(np.abs(values), [p.scale for p in effect.parameters])
     moved = [effect.describe(values + step) for step in np.diag(steps)]

@@ -87,7 +87,7 @@ class Spread:
     Args:
         low: the least estimate.
         high: the largest.
-        shift: the largest change from the estimate on all recordings, in standard errors of that.
+        shift: the largest change from the estimate on all recordings, in standard errors of that as segments tell it.
         farthest: the recording without which it changes most.
     """
 

@@ -197,22 +197,29 @@ def _atom(effect: Effect, seed: Array, where: slice, normal: Array, gradient: Ar
     values = _with_amplitude(effect, seed, amplitude)
     absent = not np.any(values[: effect.linear]) if effect.linear else amplitude[0] <= 0.0
     gain = 0.0 if absent else gain
-    share = values[0] / seed[0]
+    share = _share(effect, seed, amplitude)
     as_it_is = gain if effect.linear else float(share * (2.0 * gradient[0] - share * normal[0, 0]))
     return Atom(effect, values, gain, as_it_is, where, seed)
 
 
 def _with_amplitude(effect: Effect, seed: Array, amplitude: Array) -> Array:
-    """The seed with amplitudes; a shape without any takes them as its size, up to the seeds next to it."""
-    values = seed.copy()
+    values = _share(effect, seed, amplitude) * seed
     if effect.linear:
         values[: effect.linear] = amplitude * units_of(effect, seed)
-    elif amplitude[0] > 0.0 and not effect.parameters[0].place:
-        sizes = np.sort(effect.seeds[:, 0])
-        at = np.searchsorted(sizes, seed[0])
-        least, most = (sizes[at - 1] if at else 0.0), sizes[min(at + 1, len(sizes) - 1)]
-        values[0] = np.clip(amplitude[0] * seed[0], least, most)
     return np.clip(values, [p.low for p in effect.parameters], [p.high for p in effect.parameters])
+
+
+def _share(effect: Effect, seed: Array, amplitude: Array) -> float:
+    """How much of a seed to begin from: of a mere size, such as a delay, what does as much as the recordings want.
+
+    It ends at the seeds next to it, which say more about their surroundings.
+    """
+    size, sizes = float(seed[0]), np.unique(effect.seeds[:, 0])
+    if effect.linear or len(seed) > 1 or effect.parameters[0].place or not (sizes[0] > 0.0 and amplitude[0] > 0.0):
+        return 1.0
+    at = int(np.searchsorted(sizes, size))
+    least, most = (sizes[at - 1] if at else 0.0), sizes[min(at + 1, len(sizes) - 1)]
+    return float(np.clip(amplitude[0], least / size, most / size))
 
 
 def _parts(shooting: Shooting, columns: int) -> list[NDArray[np.int64]]:

@@ -129,7 +129,7 @@ def _spreads(
     k = fit.effects.index(effect)
     first = sum(len(v) for v in fit.values[:k])
     part = values[:, first : first + len(fit.values[k])]
-    center, errors = effect.describe(part[-1]), standard_errors(shooting, fit, effect)
+    center, errors = effect.describe(part[-1]), standard_errors(shooting, fit, effect, recordings=False)
     found = [(label, effect.describe(part[i])) for i, label in said]
     out = {}
     for name, value in center.items() if found else ():

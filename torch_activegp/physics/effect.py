@@ -90,7 +90,8 @@ class Effect:
         target: ``joint:``, ``actuator:``, ``body:`` or ``sensor:`` and the model's own name, or ``world``.
         parameters: the P parameters. The first ``linear`` of them are amplitudes: at 0 the effect is absent.
         seeds: values to start from, ``(n, P)``; the amplitudes in them serve where ``linear`` is 0.
-        linear: number of parameters in which the effect is linear.
+        linear: number of parameters in which the effect is linear. Where there is none and one parameter that is no
+            `place`, that is a size: from 0 on the effect grows with it.
         variant: tells apart several forms of one name on one target.
         stands_in: whether this form is tried only in place of another one that a set holds already.
         more: this law and the same once more with other values, as one effect; None where a law acts but once.

@@ -12,8 +12,7 @@ from types import ModuleType
 from torch_activegp.errors import ConfigurationError
 from torch_activegp.simulators.base import Simulator
 from torch_activegp.simulators.mujoco import MujocoSimulator
-
-_FILE_SUFFIXES = (".xml", ".mjcf", ".urdf", ".mjb")
+from torch_activegp.simulators.mujoco_model import FILE_SUFFIXES
 
 USER_FAULTS = (
     ArithmeticError,
@@ -49,7 +48,7 @@ def load_simulator(source: str, *, frame_skip: int = 1, external_force: bool = F
         ConfigurationError: neither a file nor a factory, the module or factory is missing, it returns something else,
             or an option for MJCF comes with a factory.
     """
-    if Path(source).suffix.lower() in _FILE_SUFFIXES or Path(source).is_file():
+    if Path(source).suffix.lower() in FILE_SUFFIXES or Path(source).is_file():
         return MujocoSimulator(source, frame_skip=frame_skip, external_force=external_force)
     if not is_factory(source):
         raise ConfigurationError(

@@ -15,7 +15,8 @@ from torch_activegp.errors import ConfigurationError
 from torch_activegp.simulators.mujoco_warnings import warnings_to
 
 _logger = logging.getLogger(__name__)
-_ENDINGS = (".xml", ".mjcf", ".urdf", ".mjb")
+FILE_SUFFIXES = (".xml", ".mjcf", ".urdf", ".mjb")
+"""Endings of the files of models."""
 
 ModelSource: TypeAlias = str | os.PathLike[str] | mujoco.MjSpec | mujoco.MjModel
 """Path of an MJCF, URDF or MJB file, MJCF text, or an object of MuJoCo's."""
@@ -50,8 +51,8 @@ def load_model(source: ModelSource) -> mujoco.MjModel:
 def _load_file(path: Path) -> mujoco.MjModel:
     if not path.is_file():
         raise ConfigurationError(f"wanted an MJCF file, found no file `{path}` (working folder: {Path.cwd()}).")
-    read = mujoco.MjModel.from_binary_path if path.suffix == ".mjb" else mujoco.MjModel.from_xml_path
-    other = "" if path.suffix.lower() in _ENDINGS else f", by its name no model ({', '.join(_ENDINGS)})"
+    read = mujoco.MjModel.from_binary_path if path.suffix.lower() == ".mjb" else mujoco.MjModel.from_xml_path
+    other = "" if path.suffix.lower() in FILE_SUFFIXES else f", by its name no model ({', '.join(FILE_SUFFIXES)})"
     return _compiled(f"`{path}`{other}", read, str(path))
 
 
