@@ -235,7 +235,7 @@ def test_two_levels_are_one_and_a_bias_that_is_no_name(bench) -> None:
 def test_cogging_that_comes_once_more_is_one_effect_of_two_waves(bench) -> None:
     wave = bench.effect("cogging")
     fit = bench.fit("cogging", 0.01, 0.0, 3.0)
-    atom = Atom(wave, np.array([0.02, 0.03, 7.0]), 10.0, 10.0, slice(0, 2), wave.seeds[0])
+    atom = Atom(wave, np.array([0.02, 0.03, 7.0]), 10.0, slice(0, 2), wave.seeds[0])
     (effect,), (values,) = join(fit, [atom])
     assert effect is wave.more
     assert values[2:4].tolist() == [0.02, 0.03]

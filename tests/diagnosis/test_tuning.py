@@ -26,7 +26,7 @@ def screened(bench) -> Screen:
     for i, name in enumerate(NAMES):
         seed = np.array([1.0])
         gain = float(gradient[i] ** 2 / normal[i, i])
-        atoms.append(Atom(bench.effect(name), seed, gain, gain, slice(i, i + 1), seed))
+        atoms.append(Atom(bench.effect(name), seed, gain, slice(i, i + 1), seed))
     return Screen(tuple(atoms), normal, gradient)
 
 
@@ -82,7 +82,7 @@ def test_of_two_names_for_one_thing_one_pays(screened) -> None:
 
 def test_what_is_undone_comes_on_top_of_a_set(bench) -> None:
     fit = bench.fit("cubic_spring", 0.1)
-    atom = Atom(bench.effect("viscous_friction"), np.array([0.06]), 50.0, 50.0, slice(0, 1), np.array([0.06]))
+    atom = Atom(bench.effect("viscous_friction"), np.array([0.06]), 50.0, slice(0, 1), np.array([0.06]))
     found = Screen((atom,), np.array([[50.0]]), np.array([50.0]))
     ((effects, values),) = undone(fit, found, PRICE)
     assert effects == (*fit.effects, atom.effect)

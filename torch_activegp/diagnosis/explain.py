@@ -153,12 +153,11 @@ def _start(
         rough = part.fit([((), ())], here.starts, near=here)[0]
         chosen = select(part, effects, rough, tell=tell, depth=Depth(rounds=1))
         if chosen.best.effects and chosen.score.scale > NOISE_ALONE:
-            sets, free, here, seen = _leaders(chosen), chosen.score.free, rough, chosen.best
-            if not hopeless(chosen, part):  # behind them another form may agree better
-                engine, shooting, nominal, judged = numerics.choose(shooting.segments, noise, nominal, nominal, sets)
-                part, which = _part(shooting, excess)
-                here, there = nominal.pick(which), judged.pick(which)
-                seen = part.fit([(there.effects, there.values)], there.starts, near=there)[0]
+            sets, free = _leaders(chosen), chosen.score.free  # behind them another form may agree better
+            engine, shooting, nominal, judged = numerics.choose(shooting.segments, noise, nominal, nominal, sets)
+            part, which = _part(shooting, excess)
+            here, there = nominal.pick(which), judged.pick(which)
+            seen = part.fit([(there.effects, there.values)], there.starts, near=there)[0]
             others = _besides(sets, seen)
             chosen = select(part, effects, here, others, seen, tell, free, Depth(swaps=0))  # swaps come with all data
         sets, free, lost = _leaders(chosen), chosen.score.free, hopeless(chosen, part)

@@ -38,8 +38,6 @@ class Atom:
         effect: the effect.
         values: its parameters with the amplitudes that fit best, ``(P,)``.
         gain: decrease of chi2 to first order.
-        as_it_is: the same with `values`: a shape without amplitudes, such as a delay, may gain much with a share of
-            what it does at a seed, and lose with all of it.
         columns: where its columns stand in the screen's normal matrix.
         seed: the parameters that these columns belong to.
     """
@@ -47,14 +45,8 @@ class Atom:
     effect: Effect
     values: Array
     gain: float
-    as_it_is: float
     columns: slice
     seed: Array
-
-    @property
-    def promise(self) -> tuple[float, float]:
-        """What a fit that begins from `values` begins with; where all would make it worse, the gain alone."""
-        return max(self.as_it_is, 0.0), self.gain
 
 
 @dataclasses.dataclass(frozen=True)
@@ -75,15 +67,13 @@ class Screen:
         """The best seed of every effect (name, target and variant), best first."""
         chosen: dict[Effect, Atom] = {}
         for atom in self.atoms:
-            if atom.effect not in chosen or atom.promise > chosen[atom.effect].promise:
+            if atom.effect not in chosen or atom.gain > chosen[atom.effect].gain:
                 chosen[atom.effect] = atom
         return sorted(chosen.values(), key=lambda atom: -atom.gain)
 
     def times(self, factor: float) -> Screen:
         """The same on so many times the data."""
-        atoms = tuple(
-            dataclasses.replace(atom, gain=factor * atom.gain, as_it_is=factor * atom.as_it_is) for atom in self.atoms
-        )
+        atoms = tuple(dataclasses.replace(atom, gain=factor * atom.gain) for atom in self.atoms)
         return Screen(atoms, factor * self.normal, factor * self.gradient)
 
     def joint_gain(self, atoms: Sequence[Atom]) -> float:
@@ -155,7 +145,7 @@ def screen(shooting: Shooting, fit: Fit, effects: Sequence[Effect]) -> Screen:
     atoms, at = [], 0
     for effect, seed, width in plan:
         where = slice(at, at + width)
-        atoms.append(_atom(effect, seed, where, normal[where, where], gradient[where]))
+        atoms.append(_atom(effect, seed, where, *_gain(normal[where, where], gradient[where])))
         at += width
     return Screen(tuple(atoms), normal, gradient)
 
@@ -192,14 +182,10 @@ def _scanned(channel: Mapping[int, int], rows: Iterable[_Row], effects: Sequence
     return out
 
 
-def _atom(effect: Effect, seed: Array, where: slice, normal: Array, gradient: Array) -> Atom:
-    gain, amplitude = _gain(normal, gradient)
+def _atom(effect: Effect, seed: Array, where: slice, gain: float, amplitude: Array) -> Atom:
     values = _with_amplitude(effect, seed, amplitude)
     absent = not np.any(values[: effect.linear]) if effect.linear else amplitude[0] <= 0.0
-    gain = 0.0 if absent else gain
-    share = _share(effect, seed, amplitude)
-    as_it_is = gain if effect.linear else float(share * (2.0 * gradient[0] - share * normal[0, 0]))
-    return Atom(effect, values, gain, as_it_is, where, seed)
+    return Atom(effect, values, 0.0 if absent else gain, where, seed)
 
 
 def _with_amplitude(effect: Effect, seed: Array, amplitude: Array) -> Array:
