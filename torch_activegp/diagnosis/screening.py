@@ -189,23 +189,24 @@ def _atom(effect: Effect, seed: Array, where: slice, gain: float, amplitude: Arr
 
 
 def _with_amplitude(effect: Effect, seed: Array, amplitude: Array) -> Array:
-    values = _share(effect, seed, amplitude) * seed
+    values = seed.copy()
     if effect.linear:
         values[: effect.linear] = amplitude * units_of(effect, seed)
+    elif len(seed) == 1 and not effect.parameters[0].place:
+        values *= _share(float(seed[0]), np.unique(effect.seeds), float(amplitude[0]))
     return np.clip(values, [p.low for p in effect.parameters], [p.high for p in effect.parameters])
 
 
-def _share(effect: Effect, seed: Array, amplitude: Array) -> float:
-    """How much of a seed to begin from: of a mere size, such as a delay, what does as much as the recordings want.
+def _share(size: float, sizes: Array, wanted: float) -> float:
+    """How much of a mere size, such as a delay, to begin from: what does as much as the recordings want.
 
-    It ends at the seeds next to it, which say more about their surroundings.
+    It ends at the sizes next to it, which say more about their surroundings.
     """
-    size, sizes = float(seed[0]), np.unique(effect.seeds[:, 0])
-    if effect.linear or len(seed) > 1 or effect.parameters[0].place or not (sizes[0] > 0.0 and amplitude[0] > 0.0):
+    if sizes[0] <= 0.0 or wanted <= 0.0:
         return 1.0
     at = int(np.searchsorted(sizes, size))
     least, most = (sizes[at - 1] if at else 0.0), sizes[min(at + 1, len(sizes) - 1)]
-    return float(np.clip(amplitude[0], least / size, most / size))
+    return float(np.clip(wanted, least / size, most / size))
 
 
 def _parts(shooting: Shooting, columns: int) -> list[NDArray[np.int64]]:
