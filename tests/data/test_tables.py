@@ -98,6 +98,13 @@ def test_text_in_hdf5_is_text(tmp_path: Path) -> None:
     assert read_table(tmp_path / "a.h5")["run"].tolist() == ["first", "second"]
 
 
+def test_spoilt_text_in_hdf5_gets_no_advice_on_text_files(tmp_path: Path) -> None:
+    with h5py.File(tmp_path / "a.h5", "w") as file:
+        file.create_dataset("run", data=np.array([b"\xff"], dtype=object), dtype=h5py.string_dtype())
+    with pytest.raises(DataError, match="a.h5: cannot be read as .h5: .*0xff"):
+        read_table(tmp_path / "a.h5")
+
+
 @pytest.mark.parametrize(
     ("name", "content", "message"),
     [

@@ -4,7 +4,7 @@ import dataclasses
 
 import numpy as np
 
-from torch_activegp.diagnosis.fit import difference_steps, inside
+from torch_activegp.diagnosis.fit import difference_steps, inside, resting
 
 
 def test_a_fit_says_what_to_simulate(bench) -> None:
@@ -38,6 +38,9 @@ def test_a_set_holds_a_smaller_one_and_linear_effects_that_do_nothing(bench) -> 
     assert inside((drag,), (guess,), below) is None
     assert inside((wet,), (guess,), below) is None
     assert inside((wet,), (guess,), None) is None
+    still = resting((drag, wet), found[1], below)
+    assert (still.chi2, still.size, still.information.any()) == (below.chi2, 2, False)
+    np.testing.assert_array_equal(bench.shooting.residual_of(still), bench.shooting.residual_of(below))
 
 
 def test_derivatives_are_lent_to_the_same_parameters_elsewhere(bench) -> None:

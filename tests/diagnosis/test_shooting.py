@@ -131,6 +131,18 @@ def test_a_first_guess_that_makes_it_worse_is_left_for_the_smaller_set(bench) ->
     assert left.chi2 <= below.chi2 < led.chi2
 
 
+def test_a_set_that_a_guess_misled_is_not_tried_anew_far_behind_in_a_race(bench) -> None:
+    (wet,), (wetness,) = (known := bench.fit("viscous_friction", 0.02)).effects, known.values
+    ahead = [((wet, bench.effect(name)), (wetness, np.zeros(1))) for name in ("constant_force", "quadratic_drag")]
+    misled = (bench.effect("armature_error"),), (np.array([30.0]),)
+    sets = [((wet,), (wetness,)), *ahead, misled]
+    fits = bench.shooting.fit(sets, bench.nominal.starts, race=True, near=bench.nominal, below=bench.nominal)
+    assert fits[3].values[0].tolist() == [0.0]
+    assert fits[3].chi2 == bench.nominal.chi2 > 2.0 * fits[2].chi2
+    alone = bench.shooting.fit(sets[3:], bench.nominal.starts, race=True, near=bench.nominal, below=bench.nominal)
+    assert alone[0].chi2 < bench.nominal.chi2
+
+
 def count_simulations(monkeypatch) -> list[int]:
     asked = []
     predict = Engine.predict

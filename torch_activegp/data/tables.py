@@ -42,18 +42,19 @@ def read_table(path: Path) -> pd.DataFrame:
         table = _READERS[suffix](path)
     except DataError:
         raise
-    except UnicodeDecodeError as error:
-        raise DataError(
-            f"{path.name}: text in UTF-8 wanted, found byte 0x{error.object[error.start]:02x} at {error.start}. "
-            "Save it as UTF-8, or, if it is no text, give it the ending of its kind."
-        ) from error
     except _DAMAGE as error:
-        raise DataError(
-            f"{path.name}: cannot be read as {suffix}: {error}. Mend the file or export it again."
-        ) from error
+        raise DataError(f"{path.name}: {_damage(suffix, error)}") from error
     if table.empty:
         raise DataError(f"{path.name}: no data rows found, column names are {', '.join(map(str, table.columns))}.")
     return table
+
+
+def _damage(suffix: str, error: Exception) -> str:
+    """What is wrong with a file, and what to do."""
+    if isinstance(error, UnicodeDecodeError) and _READERS[suffix] is _read_text:
+        found = f"found byte 0x{error.object[error.start]:02x} at {error.start}"
+        return f"text in UTF-8 wanted, {found}. Save it as UTF-8, or, if it is no text, give it the ending of its kind."
+    return f"cannot be read as {suffix}: {error}. Mend the file or export it again."
 
 
 def _read_text(path: Path) -> pd.DataFrame:

@@ -128,6 +128,16 @@ def inside(effects: Sequence[Effect], values: Sequence[Array], below: Fit | None
     return below, np.concatenate(flat)
 
 
+def resting(effects: Sequence[Effect], flat: Array, below: Fit) -> Fit:
+    """A set at parameters in a row ``(P,)`` with which it does no more than a smaller one, as :func:`inside` has them.
+
+    Its information and scores are zero: nothing is known of them.
+    """
+    unknown = np.zeros((len(flat), len(flat))), np.zeros((len(below.starts), len(flat)))
+    values = split(effects, flat)
+    return Fit(tuple(effects), values, below.starts, below.chi2, below.per_segment, *unknown, below.design)
+
+
 def split(effects: Sequence[Effect], flat: Array) -> tuple[Array, ...]:
     """The parameters of each effect, from those of all in a row ``(P,)``."""
     edges = np.cumsum([len(effect.parameters) for effect in effects])[:-1]

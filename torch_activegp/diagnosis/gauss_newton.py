@@ -11,7 +11,7 @@ from torch_activegp.diagnosis.brakes import Brakes
 from torch_activegp.diagnosis.differences import Differences
 from torch_activegp.diagnosis.elimination import Eliminated, bounded_step, eliminate
 from torch_activegp.diagnosis.engine import Candidate
-from torch_activegp.diagnosis.fit import Fit, bounds, difference_steps, inside, split
+from torch_activegp.diagnosis.fit import Fit, bounds, difference_steps, inside, resting, split
 from torch_activegp.diagnosis.point import FAILED, Likelihood, Point, total
 from torch_activegp.diagnosis.runs import Array
 from torch_activegp.physics.effect import Effect
@@ -31,10 +31,10 @@ _ALONE, _SHARE = 1.0, 1e-3
 class Problem:
     """One set on its way to the optimum: Levenberg-Marquardt on the parameters, the states by projection.
 
-    Where the first guess is worse than the smaller set `below`, it begins from there instead. A trial that is new in a
-    part of the segments says in which, `only`, ``(S,)``, and `others` holds the residuals of the rest. Derivatives may
-    come from a fit of another set near by; they are computed anew where they mislead. Its states too: segments that are
-    far off in the beginning try the smoothed recording in their place.
+    Where the first guess is worse than the smaller set `below`, it begins from there instead, and is `resting` there
+    before it does. A trial that is new in a part of the segments says in which, `only`, ``(S,)``, and `others` holds
+    the residuals of the rest. Derivatives may come from a fit of another set near by; they are computed anew where they
+    mislead. Its states too: segments that are far off in the beginning try the smoothed recording in their place.
     """
 
     def __init__(
@@ -50,6 +50,7 @@ class Problem:
     ) -> None:
         self.shooting = shooting
         self._below = inside(effects, values, below)
+        self.resting: Fit | None = None
         self._given = {} if near is None else near.columns_of(effects, values)
         self._design = None if near is None else near.design
         self._smooth = smooth
@@ -66,7 +67,7 @@ class Problem:
         self._brakes, self._raw, self._taken = Brakes(len(starts)), np.zeros(0), np.zeros(0)
         self._differences: Differences
         self._linear: Eliminated
-        self.finished = self._known = self._begins_anew = False
+        self.finished = self._known = self._smoothed = False
         self.only: NDArray[np.bool_] | None = None
         self.others: Array
         self._kept: Problem | None = None
@@ -76,8 +77,8 @@ class Problem:
 
     @property
     def chi2(self) -> float:
-        """The least chi2 so far."""
-        points = [self._best, self._kept._best if self._kept is not None else None]
+        """The least chi2 so far; that of the smaller set where it begins from there."""
+        points = [self._best, self.resting, self._kept._best if self._kept is not None else None]
         return min((point.chi2 for point in points if point is not None), default=np.inf)
 
     @property
@@ -122,7 +123,7 @@ class Problem:
             if first and self._still and self._smooth is not None:
                 far = self.shooting.segments.far_off(per_segment)
                 self._trial_starts = np.where(far[:, None], self._smooth, self._trial_starts)
-                self._begins_anew = bool(far.any())
+                self._smoothed = bool(far.any())
         self._settle(last)
 
     def _settle(self, last: bool) -> None:
@@ -131,9 +132,9 @@ class Problem:
             return
         assert self._best is not None
         little = self._design is not None and self._predicted < _ALONE + _SHARE * self.chi2
-        settled = (self.finished or little) and not self._begins_anew
+        settled = (self.finished or little) and not self._smoothed
         self._settling = 0 if last or settled else self._settling - 1
-        self.finished, self._begins_anew = self.finished and not self._settling, False
+        self.finished, self._smoothed = self.finished and not self._settling, False
         if self._settling or (last and self._kept is None):
             return
         self.only, self._brakes = None, Brakes(len(self._trial_starts))
@@ -145,7 +146,7 @@ class Problem:
             below, self._trial = self._below
             self._trial_starts, self._design = below.starts, below.design
             self._given = below.columns_of(self.effects, split(self.effects, self._trial))
-            self._best, self._below = None, None
+            self._best, self._below, self.resting = None, None, resting(self.effects, self._trial, below)
             return
         self._trial, self._trial_starts = self._best.flat, self._best.starts
         if len(self._given) == len(self._trial) and self._design is not None:
@@ -159,6 +160,7 @@ class Problem:
         if chi2 <= old:
             self._best, self._raw = Point(self._trial, self._trial_starts, per_segment), residual
             self._detours = 0 if chi2 < old else self._detours
+        self.resting = None
         assert self._design is not None and self._columns is not None
         self._linear = eliminate(self._design, self._columns, np.nan_to_num(residual))
         fell = old - chi2
@@ -223,7 +225,7 @@ class Problem:
         self._propose()
         self.finished = False
         self._trial_starts = np.where(worse[:, None], self._smooth, self._trial_starts)
-        self._begins_anew = True
+        self._smoothed = True
 
     def _end_of_detour(self) -> None:
         """Goes on from where the states have followed, or back to where they came from."""
@@ -285,16 +287,11 @@ class Problem:
         """The best point."""
         if self._kept is not None:
             self._end_of_detour()
-        assert self._best is not None
-        whole = self._columns is not None and self._columns.shape[-1] == len(self._best.flat)
-        return Fit(
-            self.effects,
-            split(self.effects, self._best.flat),
-            self._best.starts,
-            self._best.chi2,
-            self._best.per_segment,
-            self._linear.normal.sum(0),
-            self._linear.gradient,
-            self._design,
-            *((self._columns, self._taken) if whole else (None, None)),
-        )
+        if self.resting is not None:
+            return self.resting
+        best = self._best
+        assert best is not None
+        whole = self._columns is not None and self._columns.shape[-1] == len(best.flat)
+        derivatives = (self._design, self._columns, self._taken) if whole else (self._design,)
+        normal, scores, values = self._linear.normal.sum(0), self._linear.gradient, split(self.effects, best.flat)
+        return Fit(self.effects, values, best.starts, best.chi2, best.per_segment, normal, scores, *derivatives)

@@ -173,8 +173,8 @@ class Shooting:
             if not running:
                 break
             self._advance(running.values(), last=number == rounds)
-            if race and number >= SETTLE + 2:
-                give_up(list(running.values()), [fit.chi2 for fit in ended.values()])
+            if race:
+                give_up(list(running.values()), [fit.chi2 for fit in ended.values()], misled=number < SETTLE + 2)
             for i in [i for i, problem in running.items() if problem.finished]:
                 ended[i] = running.pop(i).result()  # and lets go of what the fit needed
         ended |= {i: problem.result() for i, problem in running.items()}
