@@ -53,6 +53,21 @@ def test_a_floor_that_is_too_high_is_taken_anew(bench, monkeypatch, early) -> No
     assert found.selection.best.chi2 / found.shooting.dof == pytest.approx(1.0, abs=0.2)
 
 
+@pytest.mark.parametrize(("high", "anew"), [(1.3, 1), (4.0, 2)])
+def test_numerics_are_judged_again_by_another_noise_only_where_it_is_clearly_another(bench, monkeypatch, high, anew):
+    for name in ("_ENOUGH", "_FEWEST"):
+        monkeypatch.setattr(f"torch_activegp.diagnosis.explain.{name}", 1.0)
+    floor = NoiseModel.white(np.array([high * bench.noise]))
+    monkeypatch.setattr("torch_activegp.diagnosis.explain.noise_floor", lambda runs: floor)
+    behind, choose = [], Numerics.choose
+    monkeypatch.setattr(Numerics, "choose", lambda *a: behind.append(len(a) > 5 and bool(a[5])) or choose(*a))
+    found = explain(bench.machine, some(bench), 1)
+    assert sum(behind) == anew
+    assert found.selection.best.keys == {("viscous_friction", "joint:hip")}
+    assert found.shooting.noise.scale[0] == pytest.approx(bench.noise, rel=0.15)
+    assert found.selection.best.chi2 / found.shooting.dof == pytest.approx(1.0, abs=0.2)
+
+
 @pytest.mark.parametrize("early", [True, False])
 def test_numerics_are_looked_at_again_behind_another_set_alone(bench, monkeypatch, early) -> None:
     """Behind the nominal, where little is to be explained at first; else behind the first names, which stay."""

@@ -37,6 +37,10 @@ _FAR = 60.0
 _TOO_FAR = 400.0
 """The same for the names in the end."""
 _GROWTH = 6.0
+_FEW = 6
+"""Rounds for a nominal that is near its optimum, or far from what was recorded anyhow."""
+_LIKE = 1.5
+"""Numerics are not chosen again for noise that differs by less than this factor."""
 _QUIETER = 3
 """How often noise is taken anew behind what all data say."""
 _ENOUGH = 600.0
@@ -187,11 +191,22 @@ def _with_noise(
     noise: NoiseModel,
     tell: Tell,
 ) -> _Start:
-    """What naming begins from where what is left shows that the noise is another one; numerics are judged by it too."""
+    """What naming begins from where what is left shows that the noise is another one.
+
+    Numerics are judged by it too, unless it is much the same, and the numerics were chosen behind the first set.
+    """
     tell("naming with the noise seen behind the effects")
     segments, nominal = start.shooting.segments, start.nominal
+    change = start.shooting.noise.innovation / noise.innovation
     loud = start.shooting.noise.innovation.min() / noise.innovation.min()
-    if segments.far_off(nominal.per_segment * loud**2, _TOO_FAR).any():
+    far = segments.far_off(nominal.per_segment * loud**2, _TOO_FAR).any()
+    if not far and max(change.max(), 1.0 / change.min()) < _LIKE and _leads(sets, start.first):
+        shooting = dataclasses.replace(start.shooting, noise=noise)
+        nominal, first = nominal.without_derivatives, start.first.without_derivatives  # those of the other noise
+        bare = shooting.fit([((), ())], nominal.starts, _FEW, near=nominal)[0]
+        judged = shooting.fit([(first.effects, first.values)], first.starts, near=first)[0]
+        return _Start(start.engine, shooting, bare, _besides(sets, judged), judged, free)
+    if far:
         segments, nominal = _longest(machine, numerics, noise, _TOO_FAR)
     engine, shooting, nominal, judged = numerics.choose(segments, noise, nominal, nominal, sets)
     return _Start(engine, shooting, nominal, _besides(sets, judged), judged, free)
@@ -226,6 +241,11 @@ def _leaders(selection: Selection) -> Sets:
     return [(fit.effects, fit.values) for fit in near if fit.effects]
 
 
+def _leads(sets: Sets, judged: Fit) -> bool:
+    """Whether a fit is of the first of some sets."""
+    return bool(sets) and len(_besides(sets[:1], judged)) == 0
+
+
 def _besides(sets: Sets, judged: Fit) -> Sets:
     """Those of some sets that a fit is not of; one that failed is of none."""
     own = frozenset(judged.effects) if np.isfinite(judged.chi2) else None
@@ -257,7 +277,7 @@ def _longest(machine: Machine, numerics: Numerics, noise: NoiseModel, too_far: f
 
 def _nominal(shooting: Shooting) -> Fit:
     """The model without effects, roughly."""
-    fit = shooting.fit([((), ())], shooting.engine.starts(shooting.segments), rounds=6)[0]
+    fit = shooting.fit([((), ())], shooting.engine.starts(shooting.segments), _FEW)[0]
     return chained(shooting, fit)
 
 
