@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from torch_activegp.diagnosis.compared import Selection, compare, fitted, without_each
+from torch_activegp.diagnosis.fit import resting
 from torch_activegp.diagnosis.score import Score
 
 
@@ -35,6 +36,10 @@ def test_a_part_that_was_given_up_is_fitted_from_the_nominal(bench) -> None:
     found = Selection(bench.nominal, [bench.nominal, both, given_up], Score(bench.shooting.samples, 20, 1.0))
     again = fitted(bench.shooting, found, [wet])
     assert again.chi2 == pytest.approx(fit.chi2, rel=1e-3)
+    found.fits[-1] = resting((wet,), np.zeros(1), bench.nominal)
+    again = fitted(bench.shooting, found, [wet])
+    assert again.chi2 == pytest.approx(fit.chi2, rel=1e-3)
+    assert not again.at_rest
     found.fits[-1] = fit
     assert fitted(bench.shooting, found, [wet]) is fit
 

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from tests.diagnosis.conftest import make_bench
-from torch_activegp.diagnosis.explain import _besides, _longest, explain
+from torch_activegp.diagnosis.explain import _besides, _longest, _Start, _with_noise, explain
 from torch_activegp.diagnosis.noise_model import NoiseModel
 from torch_activegp.diagnosis.numerics import Numerics
 
@@ -66,6 +66,39 @@ def test_numerics_are_judged_again_by_another_noise_only_where_it_is_clearly_ano
     assert found.selection.best.keys == {("viscous_friction", "joint:hip")}
     assert found.shooting.noise.scale[0] == pytest.approx(bench.noise, rel=0.15)
     assert found.selection.best.chi2 / found.shooting.dof == pytest.approx(1.0, abs=0.2)
+
+
+@pytest.mark.parametrize(
+    ("steps", "colour", "lead", "far", "anew"),
+    [
+        ([0.8], 0.0, "viscous_friction", False, 0),
+        ([0.8, 0.6], 0.0, "viscous_friction", False, 1),
+        ([0.8], 0.4, "viscous_friction", False, 1),
+        ([0.8], 0.0, "quadratic_drag", False, 1),
+        ([0.8], 0.0, "viscous_friction", True, 1),
+    ],
+)
+def test_numerics_are_kept_for_much_the_same_noise_behind_the_same_set(
+    bench, monkeypatch, steps, colour, lead, far, anew
+) -> None:
+    """Not for noise that became another one little by little, of another colour, or where segments are too far off."""
+    numerics, first = Numerics.of(bench.machine, 1), bench.fit("viscous_friction", 0.05)
+    engine, shooting, noise = numerics.fine, bench.shooting, bench.shooting.noise
+    start = _Start(engine, shooting, bench.nominal, [], first, frozenset(), noise)
+    if far:
+        monkeypatch.setattr("torch_activegp.diagnosis.explain._TOO_FAR", 0.1)
+        monkeypatch.setattr("torch_activegp.diagnosis.explain._longest", lambda *_: (shooting.segments, bench.nominal))
+    asked: list[int] = []
+    monkeypatch.setattr(Numerics, "choose", lambda *_: asked.append(1) or (engine, shooting, bench.nominal, first))
+    sets = [((bench.effect(lead),), (np.array([0.04]),))]
+    for step in steps:
+        other = NoiseModel(noise.scale * step, np.array([[colour, 0.0]]))
+        start = _with_noise(bench.machine, numerics, start, sets, start.free, other, lambda _: None)
+    assert len(asked) == anew
+    if not anew:
+        assert start.shooting.noise is other
+        assert start.first.chi2 == pytest.approx(first.chi2 / 0.8**2, rel=1e-3)
+        assert start.nominal.chi2 == pytest.approx(bench.nominal.chi2 / 0.8**2, rel=1e-2)
 
 
 @pytest.mark.parametrize("early", [True, False])

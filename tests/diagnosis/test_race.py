@@ -19,5 +19,5 @@ def test_those_far_behind_give_up_and_the_best_three_go_on() -> None:
     give_up(alone[1:], [10.0])
     assert not alone[1].finished
     behind = [Racer(5000.0), Racer(5000.0, resting=object()), Racer(35.0, resting=object())]
-    give_up(behind, [10.0, 20.0, 30.0], misled=True)
+    give_up(behind, [10.0, 20.0, 30.0], only_misled=True)
     assert [racer.finished for racer in behind] == [False, True, False]

@@ -125,6 +125,16 @@ def test_a_wave_that_no_list_of_numbers_holds_is_found(clean, periods: float) ->
     assert max(found) > 0.8 * max(atom.gain for atom in atoms)
 
 
+@pytest.mark.parametrize(("left", "kept"), [(7e-5, 1), (0.2, 2)])
+def test_effects_are_independent_where_each_adds_what_the_others_do_not_make_up(screened, left, kept) -> None:
+    """The scale of neither matters, nor a third one that has nothing to do with them."""
+    along = 30.0 * np.sqrt(1.0 - left)
+    normal = np.array([[1.0, along, 0.0], [along, 900.0, 0.0], [0.0, 0.0, 1e-8]])
+    atoms = tuple(dataclasses.replace(screened.atoms[i], columns=slice(i, i + 1)) for i in range(3))
+    found = Screen(atoms, normal, np.ones(3)).independent(atoms)
+    assert found == [*atoms[:kept], atoms[2]]
+
+
 def test_gains_on_a_part_are_told_as_on_all_data(screened) -> None:
     twice = screened.times(2.0)
     one, two = screened.best()[:2], twice.best()[:2]

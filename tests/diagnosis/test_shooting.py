@@ -121,6 +121,18 @@ def test_a_hopeless_set_is_given_up_in_a_race(bench) -> None:
     assert best.chi2 == pytest.approx(bench.fit("viscous_friction", 0.02).chi2, abs=0.2)
 
 
+def test_those_whose_guess_did_not_mislead_race_from_the_second_step_on(bench, monkeypatch) -> None:
+    flags: list[bool] = []
+    monkeypatch.setattr(
+        "torch_activegp.diagnosis.shooting.give_up", lambda problems, ended, only_misled: flags.append(only_misled)
+    )
+    wet = (bench.effect("viscous_friction"),), (np.array([0.3]),)
+    bench.shooting.fit([wet], bench.nominal.starts, race=True, near=bench.nominal)
+    assert flags[:6] == [True] * 6
+    assert len(flags) > 6
+    assert not any(flags[6:])
+
+
 def test_a_first_guess_that_makes_it_worse_is_left_for_the_smaller_set(bench) -> None:
     """A rotor guessed far too heavy, in segments whose states were fitted without it."""
     effects, guess = (bench.effect("viscous_friction"), bench.effect("armature_error")), 30.0

@@ -71,11 +71,15 @@ class Selection:
         return min(same, key=lambda fit: fit.chi2, default=None)
 
     def within(self, fit: Fit) -> Fit | None:
-        """The best fit of a smaller set, where that fits better; then the larger one got stuck, or was given up."""
+        """The best fit of a smaller set, where that fits better, or as well as one at rest; else None.
+
+        Then the larger one got stuck, or was given up.
+        """
         effects = set(fit.effects)
         smaller = [other for other in (self.nominal, *self.fits) if set(other.effects) < effects]
         best = min(smaller, key=lambda other: other.chi2, default=None)
-        return best if best is not None and not fit.chi2 <= best.chi2 + _STUCK else None
+        stuck = best is not None and (fit.at_rest or not fit.chi2 <= best.chi2 + _STUCK)
+        return best if stuck else None
 
     def may_pay(self, fit: Fit, dof: int) -> bool:
         """Whether a fit leaves so much more than noise that one more name could be worth its price.
@@ -120,7 +124,7 @@ def compare(
     """Fits some sets from the states of a fit near by, and takes them in.
 
     What ends worse than a set that it contains and that might be the best is fitted once more from there: fits of
-    friction that sticks depend on where they begin.
+    friction that sticks depend on where they begin. What was given up at rest is not, until somebody asks for it.
 
     Args:
         shooting: the likelihood.
@@ -135,7 +139,8 @@ def compare(
         fits = shooting.fit(sets, near.starts, rounds, race, near=near, below=below)
         selection.add(fits)
         far = selection.score(selection.best) + selection.score.slack
-        selection.add([better for fit in fits if (better := _from_within(shooting, selection, fit, far)) is not None])
+        tried = [fit for fit in fits if not fit.at_rest]
+        selection.add([better for fit in tried if (better := _from_within(shooting, selection, fit, far)) is not None])
     selection.rescale(shooting.dof)
     selection.lighten()
 

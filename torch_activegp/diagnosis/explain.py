@@ -18,7 +18,7 @@ from torch_activegp.diagnosis.machine import Machine
 from torch_activegp.diagnosis.noise_floor import noise_floor
 from torch_activegp.diagnosis.noise_left import quieter
 from torch_activegp.diagnosis.noise_model import NoiseModel
-from torch_activegp.diagnosis.numerics import Numerics, Sets
+from torch_activegp.diagnosis.numerics import CREEPS, Numerics, Sets
 from torch_activegp.diagnosis.polish import polish
 from torch_activegp.diagnosis.runs import Array, median_step
 from torch_activegp.diagnosis.segments import Segments, cut, halve
@@ -37,10 +37,8 @@ _FAR = 60.0
 _TOO_FAR = 400.0
 """The same for the names in the end."""
 _GROWTH = 6.0
-_FEW = 6
-"""Rounds for a nominal that is near its optimum, or far from what was recorded anyhow."""
 _LIKE = 1.5
-"""Numerics are not chosen again for noise that differs by less than this factor."""
+"""Numerics are not chosen again for noise of the same colour that differs by less than this factor."""
 _QUIETER = 3
 """How often noise is taken anew behind what all data say."""
 _ENOUGH = 600.0
@@ -75,7 +73,10 @@ Tell = Callable[[str], None]
 
 @dataclasses.dataclass(frozen=True)
 class _Start:
-    """What naming on all data begins from: numerics, likelihood, fits of the nominal and of a set, more sets."""
+    """What naming on all data begins from: numerics, likelihood, fits of the nominal and of a set, more sets.
+
+    And the noise by which the numerics were chosen, which may be an earlier one than the likelihood's.
+    """
 
     engine: Engine
     shooting: Shooting
@@ -83,6 +84,7 @@ class _Start:
     sets: Sets
     first: Fit
     free: frozenset[tuple[str, str]]
+    noise: NoiseModel
 
 
 def explain(
@@ -174,7 +176,7 @@ def _start(
         if longer or (frozenset(chosen.best.effects) != frozenset(judged.effects) and not lost):
             engine, shooting, nominal, judged = numerics.choose(used, noise, nominal, nominal, [] if lost else sets)
             sets = _besides(sets, judged)
-    return _Start(engine, shooting, nominal, sets, judged, free)
+    return _Start(engine, shooting, nominal, sets, judged, free, noise)
 
 
 def _part(shooting: Shooting, excess: float) -> tuple[Shooting, NDArray[np.int64]]:
@@ -193,23 +195,22 @@ def _with_noise(
 ) -> _Start:
     """What naming begins from where what is left shows that the noise is another one.
 
-    Numerics are judged by it too, unless it is much the same, and the numerics were chosen behind the first set.
+    Numerics are judged by it too, unless it is much like the one that they were chosen by, behind the first set.
     """
     tell("naming with the noise seen behind the effects")
     segments, nominal = start.shooting.segments, start.nominal
-    change = start.shooting.noise.innovation / noise.innovation
     loud = start.shooting.noise.innovation.min() / noise.innovation.min()
-    far = segments.far_off(nominal.per_segment * loud**2, _TOO_FAR).any()
-    if not far and max(change.max(), 1.0 / change.min()) < _LIKE and _leads(sets, start.first):
+    far = bool(segments.far_off(nominal.per_segment * loud**2, _TOO_FAR).any())
+    if not far and _leads(sets, start.first) and _alike(noise, start.noise):
         shooting = dataclasses.replace(start.shooting, noise=noise)
         nominal, first = nominal.without_derivatives, start.first.without_derivatives  # those of the other noise
-        bare = shooting.fit([((), ())], nominal.starts, _FEW, near=nominal)[0]
-        judged = shooting.fit([(first.effects, first.values)], first.starts, near=first)[0]
-        return _Start(start.engine, shooting, bare, _besides(sets, judged), judged, free)
+        bare = shooting.fit([((), ())], nominal.starts, CREEPS, near=nominal)[0]
+        judged = shooting.fit(sets[:1], first.starts, near=first)[0]
+        return _Start(start.engine, shooting, bare, _besides(sets, judged), judged, free, start.noise)
     if far:
         segments, nominal = _longest(machine, numerics, noise, _TOO_FAR)
     engine, shooting, nominal, judged = numerics.choose(segments, noise, nominal, nominal, sets)
-    return _Start(engine, shooting, nominal, _besides(sets, judged), judged, free)
+    return _Start(engine, shooting, nominal, _besides(sets, judged), judged, free, noise)
 
 
 def _finish(
@@ -239,6 +240,12 @@ def _leaders(selection: Selection) -> Sets:
     far = selection.score(selection.best) + selection.score.slack
     near = [fit for fit in selection.ranked()[:3] if selection.score(fit) <= far]
     return [(fit.effects, fit.values) for fit in near if fit.effects]
+
+
+def _alike(one: NoiseModel, other: NoiseModel) -> bool:
+    """Whether two noises are of the same colour in all channels, and about as loud."""
+    change = np.abs(np.log(one.innovation / other.innovation)).max()
+    return bool(np.array_equal(one.colour, other.colour) and change < np.log(_LIKE))
 
 
 def _leads(sets: Sets, judged: Fit) -> bool:
@@ -277,7 +284,7 @@ def _longest(machine: Machine, numerics: Numerics, noise: NoiseModel, too_far: f
 
 def _nominal(shooting: Shooting) -> Fit:
     """The model without effects, roughly."""
-    fit = shooting.fit([((), ())], shooting.engine.starts(shooting.segments), _FEW)[0]
+    fit = shooting.fit([((), ())], shooting.engine.starts(shooting.segments), rounds=6)[0]
     return chained(shooting, fit)
 
 

@@ -32,6 +32,8 @@ class Fit:
         design: derivatives of the whitened residuals by the initial states, ``(S, M, nq + nv)``.
         columns: the same by the parameters, ``(S, M, P)``.
         taken: the parameters with which these were taken, ``(P,)``.
+        at_rest: whether it was given up where it does no more than a smaller set (:func:`resting`): its information and
+            scores are zero, and nothing is known of it.
     """
 
     effects: tuple[Effect, ...]
@@ -44,6 +46,7 @@ class Fit:
     design: Array | None = None
     columns: Array | None = None
     taken: Array | None = None
+    at_rest: bool = False
 
     @property
     def candidate(self) -> Candidate:
@@ -129,13 +132,11 @@ def inside(effects: Sequence[Effect], values: Sequence[Array], below: Fit | None
 
 
 def resting(effects: Sequence[Effect], flat: Array, below: Fit) -> Fit:
-    """A set at parameters in a row ``(P,)`` with which it does no more than a smaller one, as :func:`inside` has them.
-
-    Its information and scores are zero: nothing is known of them.
-    """
+    """A set at parameters in a row ``(P,)`` that do no more than a smaller set, as :func:`inside` has them."""
     unknown = np.zeros((len(flat), len(flat))), np.zeros((len(below.starts), len(flat)))
     values = split(effects, flat)
-    return Fit(tuple(effects), values, below.starts, below.chi2, below.per_segment, *unknown, below.design)
+    there = below.starts, below.chi2, below.per_segment
+    return Fit(tuple(effects), values, *there, *unknown, below.design, at_rest=True)
 
 
 def split(effects: Sequence[Effect], flat: Array) -> tuple[Array, ...]:

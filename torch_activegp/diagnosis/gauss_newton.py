@@ -32,9 +32,10 @@ class Problem:
     """One set on its way to the optimum: Levenberg-Marquardt on the parameters, the states by projection.
 
     Where the first guess is worse than the smaller set `below`, it begins from there instead, and is `resting` there
-    before it does. A trial that is new in a part of the segments says in which, `only`, ``(S,)``, and `others` holds
-    the residuals of the rest. Derivatives may come from a fit of another set near by; they are computed anew where they
-    mislead. Its states too: segments that are far off in the beginning try the smoothed recording in their place.
+    before it does: a fit, for one round. A trial that is new in a part of the segments says in which, `only`, ``(S,)``,
+    and `others` holds the residuals of the rest. Derivatives may come from a fit of another set near by; they are
+    computed anew where they mislead. Its states too: segments that are far off in the beginning try the smoothed
+    recording in their place.
     """
 
     def __init__(
@@ -284,7 +285,7 @@ class Problem:
         self._trial, self._trial_starts = flat + delta, self._best.starts + brake * shift
 
     def result(self) -> Fit:
-        """The best point."""
+        """The best point, or the smaller set where nothing was tried since it began from there."""
         if self._kept is not None:
             self._end_of_detour()
         if self.resting is not None:

@@ -30,7 +30,7 @@ one form or the other absorbs some of what is missing by chance."""
 _DISCRETE = 0.03
 """Part of chi2 by which the model's own time steps must fit better: a machine has none. Dry friction of 0.12 N m was
 found as 0.1165 with steps of 2.5 ms that fitted one run better by a fortieth of its chi2."""
-_CREEPS = 12
+CREEPS = 12
 """Rounds for the nominal's fit behind a set: one that is far off creeps, and what is near is fitted once more later."""
 _AFFORDED, _PLENTY = 25e3, 30e3
 """Where simulating all segments once takes more time steps than this, as many are taken as take so many and leave so
@@ -99,7 +99,7 @@ class Numerics(Forms):
                 working = dataclasses.replace(whole.pick(part), engine=working.engine)
                 begin = dataclasses.replace(near, effects=judged.effects, values=judged.values, columns=None)
                 working, judged = self._on_all(working, engine, begin)
-        bare = working.fit([((), ())], nominal.starts, _CREEPS, near=nominal)[0] if sets else judged
+        bare = working.fit([((), ())], nominal.starts, CREEPS, near=nominal)[0] if sets else judged
         if sets and self.stiff:
             precise = dataclasses.replace(working, engine=engine, cheap=self.coarse, offset=None)
             working, bare, judged = _just(working, precise, nominal, bare, judged)
@@ -214,7 +214,7 @@ def _telling(whole: Shooting, working: Shooting, nominal: Fit, here: Fit) -> NDA
     share = _affordable(working.engine, segments)
     if share >= 1.0:
         return np.arange(segments.size)
-    bare = working.fit([((), ())], here.starts, _CREEPS, near=here)[0]  # discretisation alone tells nothing
+    bare = working.fit([((), ())], here.starts, CREEPS, near=here)[0]  # discretisation alone tells nothing
     excess = (min(bare.chi2, nominal.chi2 * working.dof / whole.dof) - working.dof) * whole.dof / working.dof
     return whole.subset(min(max(share, _PLENTY / max(excess, 1.0)), 1.0))[1]
 

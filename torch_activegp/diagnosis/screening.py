@@ -27,8 +27,8 @@ from torch_activegp.physics.joint import JointEffect
 _Row = tuple[Shooting, Fit, Linearization]
 _SAME = 1e-6
 _ALIKE = 1e-3
-"""Least eigenvalue of a correlation matrix of effects that differ: a constant force and a drive's bias, on a slide that
-struck things, had 4e-5, and were fitted 50 N and -49 N for the next one, which had 0.2."""
+"""Least part of an effect that others do not make up. Of a drive's bias, a constant force on a slide that struck things
+left 7e-5, and the two were fitted 50 N and -49 N; of all other corrections there, at least 0.3 was left."""
 _MOST_BYTES = 60_000_000
 """Of the columns that are tested side by side."""
 
@@ -96,9 +96,11 @@ class Screen:
         """Those of some atoms that no earlier ones make up: a drive's bias makes up a constant force on its joint."""
         kept: list[Atom] = []
         for atom in atoms:
-            index = _columns_of([*kept, atom])
+            index, earlier = _columns_of([*kept, atom]), len(_columns_of(kept)) if kept else 0
             matrix, _ = scaled(self.normal[np.ix_(index, index)])
-            if np.linalg.eigvalsh(matrix)[0] > _ALIKE:
+            along = matrix[earlier:, :earlier]
+            left = matrix[earlier:, earlier:] - along @ invert(matrix[:earlier, :earlier]) @ along.T
+            if np.linalg.eigvalsh(left)[0] > _ALIKE:
                 kept.append(atom)
         return kept
 

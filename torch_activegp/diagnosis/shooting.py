@@ -159,7 +159,8 @@ class Shooting:
             starts: first guess of the initial states, ``(S, nq + nv)`` or one for each set.
             rounds: simulations at most, one after the other.
             hold: keep the parameters as they are and fit the initial states alone.
-            race: give up on sets that stay far behind the best after two steps.
+            race: give up on sets that stay far behind the best after two steps, and before on those that would begin
+                anew from `below`.
             near: a fit near by, whose derivatives save work.
             below: a fit of what the sets have in common: a first guess that is worse than it misleads, and is left.
         """
@@ -174,7 +175,7 @@ class Shooting:
                 break
             self._advance(running.values(), last=number == rounds)
             if race:
-                give_up(list(running.values()), [fit.chi2 for fit in ended.values()], misled=number < SETTLE + 2)
+                give_up(list(running.values()), [fit.chi2 for fit in ended.values()], only_misled=number < SETTLE + 2)
             for i in [i for i, problem in running.items() if problem.finished]:
                 ended[i] = running.pop(i).result()  # and lets go of what the fit needed
         ended |= {i: problem.result() for i, problem in running.items()}
