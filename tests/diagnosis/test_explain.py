@@ -54,7 +54,9 @@ def test_a_floor_that_is_too_high_is_taken_anew(bench, monkeypatch, early) -> No
 
 
 @pytest.mark.parametrize(("high", "anew"), [(1.3, 1), (4.0, 2)])
-def test_numerics_are_judged_again_by_another_noise_only_where_it_is_clearly_another(bench, monkeypatch, high, anew):
+def test_numerics_are_judged_again_by_another_noise_only_where_it_is_clearly_another(
+    bench, monkeypatch, high, anew
+) -> None:
     for name in ("_ENOUGH", "_FEWEST"):
         monkeypatch.setattr(f"torch_activegp.diagnosis.explain.{name}", 1.0)
     floor = NoiseModel.white(np.array([high * bench.noise]))

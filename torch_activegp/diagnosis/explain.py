@@ -201,7 +201,7 @@ def _with_noise(
     segments, nominal = start.shooting.segments, start.nominal
     loud = start.shooting.noise.innovation.min() / noise.innovation.min()
     far = bool(segments.far_off(nominal.per_segment * loud**2, _TOO_FAR).any())
-    if not far and _leads(sets, start.first) and _alike(noise, start.noise):
+    if not far and sets and _is_of(start.first, sets[0][0]) and _alike(noise, start.noise):
         shooting = dataclasses.replace(start.shooting, noise=noise)
         nominal, first = nominal.without_derivatives, start.first.without_derivatives  # those of the other noise
         bare = shooting.fit([((), ())], nominal.starts, CREEPS, near=nominal)[0]
@@ -219,7 +219,7 @@ def _finish(
     """Looks at the numerics once more behind the effects, unless chosen behind just these, or these explain little."""
     engine, shooting = start.engine, start.shooting
     best, leaders = selection.best, _leaders(selection)
-    if best.effects and _besides([(best.effects, best.values)], start.first) and not hopeless(selection, shooting):
+    if best.effects and not _is_of(start.first, best.effects) and not hopeless(selection, shooting):
         known = (engine, shooting)
         again, other, bare, judged = numerics.choose(
             shooting.segments, shooting.noise, best, start.nominal, leaders, known
@@ -248,15 +248,14 @@ def _alike(one: NoiseModel, other: NoiseModel) -> bool:
     return bool(np.array_equal(one.colour, other.colour) and change < np.log(_LIKE))
 
 
-def _leads(sets: Sets, judged: Fit) -> bool:
-    """Whether a fit is of the first of some sets."""
-    return bool(sets) and len(_besides(sets[:1], judged)) == 0
+def _is_of(judged: Fit, effects: Sequence[Effect]) -> bool:
+    """Whether a fit is of a set; one that failed is of none."""
+    return bool(np.isfinite(judged.chi2)) and frozenset(judged.effects) == frozenset(effects)
 
 
 def _besides(sets: Sets, judged: Fit) -> Sets:
-    """Those of some sets that a fit is not of; one that failed is of none."""
-    own = frozenset(judged.effects) if np.isfinite(judged.chi2) else None
-    return [some for some in sets if frozenset(some[0]) != own]
+    """Those of some sets that a fit is not of."""
+    return [some for some in sets if not _is_of(judged, some[0])]
 
 
 def _uncut(machine: Machine) -> Segments:

@@ -96,10 +96,9 @@ class Screen:
         """Those of some atoms that no earlier ones make up: a drive's bias makes up a constant force on its joint."""
         kept: list[Atom] = []
         for atom in atoms:
-            index, earlier = _columns_of([*kept, atom]), len(_columns_of(kept)) if kept else 0
+            index = _columns_of([*kept, atom])
             matrix, _ = scaled(self.normal[np.ix_(index, index)])
-            along = matrix[earlier:, :earlier]
-            left = matrix[earlier:, earlier:] - along @ invert(matrix[:earlier, :earlier]) @ along.T
+            left, _ = _without(len(index) - (atom.columns.stop - atom.columns.start), matrix, self.gradient[index])
             if np.linalg.eigvalsh(left)[0] > _ALIKE:
                 kept.append(atom)
         return kept
@@ -229,7 +228,7 @@ def _project(states: Array, columns: Array, residual: Array) -> tuple[Array, Arr
 
 
 def _without(count: int, normal: Array, gradient: Array) -> tuple[Array, Array]:
-    """Normal equations after the first parameters, those that are fitted already, are projected out too.
+    """Normal equations after the first parameters, such as those that are fitted already, are projected out too.
 
     What shows nowhere, or is what they do, has zeros: its rounding errors would be taken for something.
     """
