@@ -7,7 +7,8 @@ import numpy as np
 import pytest
 
 from tests.diagnosis.conftest import make_bench
-from torch_activegp.diagnosis.explain import _besides, _longest, _Start, _with_noise, explain
+from torch_activegp.diagnosis.explain import _besides, _Start, _with_noise, explain
+from torch_activegp.diagnosis.lengths import Lengths
 from torch_activegp.diagnosis.noise_model import NoiseModel
 from torch_activegp.diagnosis.numerics import Numerics
 
@@ -89,7 +90,8 @@ def test_numerics_are_kept_for_much_the_same_noise_behind_the_same_set(
     start = _Start(engine, shooting, bench.nominal, [], first, frozenset(), noise)
     if far:
         monkeypatch.setattr("torch_activegp.diagnosis.explain._TOO_FAR", 0.1)
-        monkeypatch.setattr("torch_activegp.diagnosis.explain._longest", lambda *_: (shooting.segments, bench.nominal))
+        again = Lengths(shooting.segments, bench.nominal, bench.nominal, engine)
+        monkeypatch.setattr("torch_activegp.diagnosis.explain.longest", lambda *_: again)
     asked: list[int] = []
     monkeypatch.setattr(Numerics, "choose", lambda *_: asked.append(1) or (engine, shooting, bench.nominal, first))
     sets = [((bench.effect(lead),), (np.array([0.04]),))]
@@ -142,13 +144,6 @@ def test_nothing_is_found_where_nothing_is_missing(clean) -> None:
     found = explain(clean.machine, some(clean), 1)
     assert found.selection.best.effects == ()
     assert found.selection.nominal.chi2 / found.shooting.dof == pytest.approx(1.0, abs=0.2)
-
-
-def test_segments_that_cannot_be_shorter_end_the_search(bench, monkeypatch) -> None:
-    monkeypatch.setattr("torch_activegp.diagnosis.explain._SHORTEST", 0.0)
-    segments, fit = _longest(bench.machine, Numerics.of(bench.machine, 1), bench.shooting.noise, -1.0)
-    assert (segments.scored[:, 1] - segments.scored[:, 0]).max() < 24
-    assert len(fit.per_segment) == segments.size
 
 
 def test_a_set_that_was_fitted_is_not_fitted_again_unless_it_failed(bench) -> None:

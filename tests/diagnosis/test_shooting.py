@@ -9,6 +9,7 @@ import pytest
 from torch_activegp.diagnosis import shooting as module
 from torch_activegp.diagnosis.engine import NOMINAL, Candidate, Engine
 from torch_activegp.diagnosis.gauss_newton import Problem
+from torch_activegp.diagnosis.race import Race
 from torch_activegp.diagnosis.shooting import Shooting
 
 STOP = np.array([0.3, 20.0, 0.2])
@@ -115,7 +116,7 @@ def test_a_hopeless_set_is_given_up_in_a_race(bench) -> None:
         "cubic_spring",
     )
     sets = [((bench.effect(name),), (np.array([0.02]),)) for name in names]
-    fits = bench.shooting.fit(sets, bench.nominal.starts, race=True)
+    fits = bench.shooting.fit(sets, bench.nominal.starts, race=Race())
     best = min(fits, key=lambda fit: fit.chi2)
     assert best.keys == {("viscous_friction", "joint:hip")}
     assert best.chi2 == pytest.approx(bench.fit("viscous_friction", 0.02).chi2, abs=0.2)
@@ -123,11 +124,9 @@ def test_a_hopeless_set_is_given_up_in_a_race(bench) -> None:
 
 def test_those_whose_guess_did_not_mislead_race_from_the_second_step_on(bench, monkeypatch) -> None:
     flags: list[bool] = []
-    monkeypatch.setattr(
-        "torch_activegp.diagnosis.shooting.give_up", lambda problems, ended, only_misled: flags.append(only_misled)
-    )
+    monkeypatch.setattr(Race, "give_up", lambda self, problems, ended, only_misled: flags.append(only_misled))
     wet = (bench.effect("viscous_friction"),), (np.array([0.3]),)
-    bench.shooting.fit([wet], bench.nominal.starts, race=True, near=bench.nominal)
+    bench.shooting.fit([wet], bench.nominal.starts, race=Race(), near=bench.nominal)
     assert flags[:6] == [True] * 6
     assert len(flags) > 6
     assert not any(flags[6:])
@@ -148,10 +147,10 @@ def test_a_set_that_a_guess_misled_is_not_tried_anew_far_behind_in_a_race(bench)
     ahead = [((wet, bench.effect(name)), (wetness, np.zeros(1))) for name in ("constant_force", "quadratic_drag")]
     misled = (bench.effect("armature_error"),), (np.array([30.0]),)
     sets = [((wet,), (wetness,)), *ahead, misled]
-    fits = bench.shooting.fit(sets, bench.nominal.starts, race=True, near=bench.nominal, below=bench.nominal)
+    fits = bench.shooting.fit(sets, bench.nominal.starts, race=Race(), near=bench.nominal, below=bench.nominal)
     assert fits[3].values[0].tolist() == [0.0]
     assert fits[3].chi2 == bench.nominal.chi2 > 2.0 * fits[2].chi2
-    alone = bench.shooting.fit(sets[3:], bench.nominal.starts, race=True, near=bench.nominal, below=bench.nominal)
+    alone = bench.shooting.fit(sets[3:], bench.nominal.starts, race=Race(), near=bench.nominal, below=bench.nominal)
     assert alone[0].chi2 < bench.nominal.chi2
 
 
@@ -264,7 +263,7 @@ def test_held_parameters_leave_segments_that_have_settled_alone(bench, monkeypat
     def listen(self, white, last):
         trials.append(self.only)
         if self.only is not None:
-            np.testing.assert_array_equal(self._trial_starts[~self.only], self._best.starts[~self.only])
+            np.testing.assert_array_equal(self._trial_starts[~self.only], self.best.starts[~self.only])
         advance(self, white, last)
 
     monkeypatch.setattr(Problem, "tell", listen)

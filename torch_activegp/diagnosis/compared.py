@@ -8,15 +8,14 @@ from collections.abc import Sequence
 import numpy as np
 
 from torch_activegp.diagnosis.fit import Fit, inside, split
+from torch_activegp.diagnosis.race import Race
 from torch_activegp.diagnosis.runs import Array
-from torch_activegp.diagnosis.score import Score
+from torch_activegp.diagnosis.score import AT_LEAST, Score
 from torch_activegp.diagnosis.shooting import ROUNDS, Shooting
 from torch_activegp.physics.effect import Effect
 
 _AS_MUCH = 0.01
 """Part of what the best set explains."""
-_AT_LEAST = 0.9
-"""Noise per degree of freedom: often no closer is its level known."""
 _REMEMBERED = 8
 """Sets whose derivatives are kept, with and without names for what seems tuned: two are developed at a time."""
 _STUCK = 1.0
@@ -89,7 +88,7 @@ class Selection:
         return (
             not fit.effects
             or bool(self.score.free)
-            or fit.chi2 - _AT_LEAST * dof > self.score.scale * self.score.cheapest
+            or fit.chi2 - AT_LEAST * dof > self.score.scale * self.score.cheapest
         )
 
     def needs_more_than(self, names: int) -> bool:
@@ -107,9 +106,11 @@ class Selection:
     def rescale(self, dof: int) -> None:
         """The noise is what the best fit leaves, and never less than the noise model says."""
         left = min(fit.chi2 / max(dof - fit.size, 1) for fit in self.fits if fit.plausible)
-        scale = max(left, 1.0)
-        mismatch = max(self.nominal.chi2 - scale * dof, 0.0)
-        self.score = dataclasses.replace(self.score, scale=scale, mismatch=mismatch)
+        self.score = self.score.seeing(left, self.nominal.chi2, dof)
+
+    def may_become_best(self, fit: Fit, dof: int) -> bool:
+        """Whether a set that got stuck could do better than the best one, if it left noise alone."""
+        return bool(self.score.free) or self.score.may_beat(fit.effects, self.best.effects, self.best.chi2, dof)
 
 
 def compare(
@@ -136,11 +137,14 @@ def compare(
         below: a fit of what the sets have in common, if they have.
     """
     if sets:
-        fits = shooting.fit(sets, near.starts, rounds, race, near=near, below=below)
+        contest = Race(selection.score, selection.nominal.chi2, shooting.dof) if race else None
+        fits = shooting.fit(sets, near.starts, rounds, contest, near=near, below=below)
         selection.add(fits)
+        selection.rescale(shooting.dof)
         far = selection.score(selection.best) + selection.score.slack
-        tried = [fit for fit in fits if not fit.at_rest]
-        selection.add([better for fit in tried if (better := _from_within(shooting, selection, fit, far)) is not None])
+        tried = {frozenset(fit.effects): selection.of(fit.effects) or fit for fit in fits if not fit.at_rest}
+        stuck = [fit for fit in tried.values() if selection.may_become_best(fit, shooting.dof)]
+        selection.add([better for fit in stuck if (better := _from_within(shooting, selection, fit, far)) is not None])
     selection.rescale(shooting.dof)
     selection.lighten()
 

@@ -9,34 +9,26 @@ import numpy as np
 from numpy.typing import NDArray
 
 from torch_activegp.diagnosis.blackbox_engine import GivenNumerics
-from torch_activegp.diagnosis.chaining import chained
 from torch_activegp.diagnosis.checkpoint import Checkpoint
 from torch_activegp.diagnosis.compared import Selection
 from torch_activegp.diagnosis.engine import Engine
 from torch_activegp.diagnosis.fit import Fit
+from torch_activegp.diagnosis.lengths import Lengths, longest
 from torch_activegp.diagnosis.machine import Machine
 from torch_activegp.diagnosis.noise_floor import noise_floor
 from torch_activegp.diagnosis.noise_left import quieter
 from torch_activegp.diagnosis.noise_model import NoiseModel
 from torch_activegp.diagnosis.numerics import CREEPS, Numerics, Sets
 from torch_activegp.diagnosis.polish import polish
-from torch_activegp.diagnosis.runs import Array, median_step
-from torch_activegp.diagnosis.segments import Segments, cut, halve
 from torch_activegp.diagnosis.selection import NOISE_ALONE, Depth, hopeless, select
 from torch_activegp.diagnosis.shooting import Shooting
 from torch_activegp.diagnosis.weak import also_weak
 from torch_activegp.physics.effect import Effect
 
-SECONDS = 1.0
-ROWS = 45
-"""A segment holds at least so many rows: what is sampled slowly is watched longer."""
-PAD = 0.1
-_SHORTEST = 0.25
 _FAR = 60.0
 """Segments are shortened for the first names until the nominal's chi2 is below so much per degree of freedom."""
 _TOO_FAR = 400.0
 """The same for the names in the end."""
-_GROWTH = 6.0
 _LIKE = 1.5
 """Numerics are not chosen again for noise of the same colour that differs by less than this factor."""
 _QUIETER = 3
@@ -110,7 +102,7 @@ def explain(
     noise = noise_floor(machine.fit)
 
     def begin() -> _Start:
-        long = keep.once("length of segments", lambda: _longest(machine, numerics, noise, _FAR))
+        long = keep.once("length of segments", lambda: longest(machine, numerics, noise, _FAR))
         return _start(machine, numerics, noise, effects, long, tell)
 
     def select_from(start: _Start) -> Selection:
@@ -143,11 +135,11 @@ def _start(
     numerics: Numerics,
     noise: NoiseModel,
     effects: Sequence[Effect],
-    long: tuple[Segments, Fit],
+    long: Lengths,
     tell: Tell,
 ) -> _Start:
     """Names on a part of the data where there is much to explain."""
-    segments, first = long
+    segments, first = long.segments, long.nominal
     engine, shooting, nominal, judged = numerics.choose(segments, noise, first, first)
     sets: Sets = []
     free: frozenset[tuple[str, str]] = frozenset()
@@ -167,12 +159,12 @@ def _start(
             others = _besides(sets, seen)
             chosen = select(part, effects, here, others, seen, tell, free, Depth(swaps=0))  # swaps come with all data
         sets, free, lost = _leaders(chosen), chosen.score.free, hopeless(chosen, part)
-        halved, used = segments.size > _uncut(machine).size, shooting.segments
-        near = halved and bool(used.far_off(nominal.per_segment, _FAR / 4).any())
-        fewer = _longest(machine, numerics, noise, _TOO_FAR) if near else (segments, nominal)
-        longer = fewer[0].size < segments.size
+        used = shooting.segments
+        near = long.halved and bool(used.far_off(nominal.per_segment, _FAR / 4).any())
+        fewer = longest(machine, numerics, noise, _TOO_FAR, long) if near else long
+        longer = fewer.segments.size < segments.size
         if longer:
-            used, nominal = fewer
+            used, nominal = fewer.segments, fewer.nominal
         if longer or (frozenset(chosen.best.effects) != frozenset(judged.effects) and not lost):
             engine, shooting, nominal, judged = numerics.choose(used, noise, nominal, nominal, [] if lost else sets)
             sets = _besides(sets, judged)
@@ -208,7 +200,8 @@ def _with_noise(
         judged = shooting.fit(sets[:1], first.starts, near=first)[0]
         return _Start(start.engine, shooting, bare, _besides(sets, judged), judged, free, start.noise)
     if far:
-        segments, nominal = _longest(machine, numerics, noise, _TOO_FAR)
+        longer = longest(machine, numerics, noise, _TOO_FAR)
+        segments, nominal = longer.segments, longer.nominal
     engine, shooting, nominal, judged = numerics.choose(segments, noise, nominal, nominal, sets)
     return _Start(engine, shooting, nominal, _besides(sets, judged), judged, free, noise)
 
@@ -256,40 +249,3 @@ def _is_of(judged: Fit, effects: Sequence[Effect]) -> bool:
 def _besides(sets: Sets, judged: Fit) -> Sets:
     """Those of some sets that a fit is not of."""
     return [some for some in sets if not _is_of(judged, some[0])]
-
-
-def _uncut(machine: Machine) -> Segments:
-    return cut(machine.fit, max(SECONDS, ROWS * median_step(machine.fit)), PAD)
-
-
-def _longest(machine: Machine, numerics: Numerics, noise: NoiseModel, too_far: float) -> tuple[Segments, Fit]:
-    """The longest segments over which the nominal stays close enough for a linearisation to mean something.
-
-    A segment is halved where the nominal is too far from it, or where a small error of the initial state grows much.
-    """
-    segments = _uncut(machine)
-    forms = [numerics.coarse, *([numerics.late] if numerics.late is not None else [])]
-    while True:
-        fits = [(_nominal(Shooting(form, segments, noise)), form) for form in forms]
-        best, form = min(fits, key=lambda pair: pair[0].chi2)
-        forms = [form]
-        bad = segments.far_off(best.per_segment, too_far) | (_growth(best, segments, noise) > _GROWTH)
-        long = segments.dt[:, 0] * np.diff(segments.scored, axis=1)[:, 0] > 1.5 * _SHORTEST
-        shorter = halve(segments, bad & long)
-        if shorter.size == segments.size:
-            return segments, best
-        segments = shorter
-
-
-def _nominal(shooting: Shooting) -> Fit:
-    """The model without effects, roughly."""
-    fit = shooting.fit([((), ())], shooting.engine.starts(shooting.segments), rounds=6)[0]
-    return chained(shooting, fit)
-
-
-def _growth(fit: Fit, segments: Segments, noise: NoiseModel) -> Array:
-    """How much an error of an initial position grows within each segment, ``(S,)``."""
-    assert fit.design is not None
-    size, channels = segments.size, len(noise.scale)
-    moved = fit.design.reshape(size, -1, channels, fit.design.shape[-1])[..., : fit.starts.shape[1] // 2]
-    return np.asarray(np.abs(moved * noise.innovation[:, None]).max(axis=(1, 2, 3)))

@@ -66,7 +66,7 @@ class Fit:
     @property
     def plausible(self) -> bool:
         """Whether a machine can have all the effects with these values."""
-        return all(effect.plausible(values) for effect, values in zip(self.effects, self.values, strict=True))
+        return plausible(self.effects, self.values)
 
     @property
     def keys(self) -> frozenset[tuple[str, str]]:
@@ -137,6 +137,11 @@ def resting(effects: Sequence[Effect], flat: Array, below: Fit) -> Fit:
     values = split(effects, flat)
     there = below.starts, below.chi2, below.per_segment
     return Fit(tuple(effects), values, *there, *unknown, below.design, at_rest=True)
+
+
+def plausible(effects: Sequence[Effect], values: Sequence[Array]) -> bool:
+    """Whether a machine can have all of some effects with these values."""
+    return all(effect.plausible(value) for effect, value in zip(effects, values, strict=True))
 
 
 def split(effects: Sequence[Effect], flat: Array) -> tuple[Array, ...]:

@@ -35,7 +35,7 @@ class Problem:
     before it does: a fit, for one round. A trial that is new in a part of the segments says in which, `only`, ``(S,)``,
     and `others` holds the residuals of the rest. Derivatives may come from a fit of another set near by; they are
     computed anew where they mislead. Its states too: segments that are far off in the beginning try the smoothed
-    recording in their place.
+    recording in their place. `best` is the best point so far.
     """
 
     def __init__(
@@ -60,7 +60,7 @@ class Problem:
         self._trial = np.clip(np.concatenate([np.zeros(0), *values]), self._low, self._high)
         self._trial_starts = starts.copy()
         self._damping = _FIRST_DAMPING
-        self._best: Point | None = None
+        self.best: Point | None = None
         self._hold = hold or not len(self._trial)
         self._settling = 0 if self._hold or self._design is None else SETTLE
         self._columns: Array | None = None
@@ -79,7 +79,7 @@ class Problem:
     @property
     def chi2(self) -> float:
         """The least chi2 so far; that of the smaller set where it begins from there."""
-        points = [self._best, self.resting, self._kept._best if self._kept is not None else None]
+        points = [self.best, self.resting, self._kept.best if self._kept is not None else None]
         return min((point.chi2 for point in points if point is not None), default=np.inf)
 
     @property
@@ -101,7 +101,7 @@ class Problem:
         moved = self.shooting.state_columns(starts)[: 0 if self._design is not None else None]
         self._differences = Differences.of(self.effects, flat, moved, None if self._still else self._given)
         candidates, states = self._differences.candidates(self.effects, flat, starts)
-        at = self._best
+        at = self.best
         self._known = at is not None and flat is at.flat and starts is at.starts and len(candidates) > 1
         return candidates[self._known :], states[self._known :]
 
@@ -112,7 +112,7 @@ class Problem:
             white = np.concatenate([self._raw[None], white])
         residual = white[0].copy()  # a view would keep all of what was asked for
         per_segment = np.nan_to_num((residual**2).sum(-1), nan=FAILED, posinf=FAILED)
-        first, alone = self._best is None, self._best is not None and len(white) == 1
+        first, alone = self.best is None, self.best is not None and len(white) == 1
         if alone and self._still:
             self._each_for_itself(residual, per_segment, last)
         elif alone and self._columns is not None and not total(per_segment) < self.chi2:
@@ -131,7 +131,7 @@ class Problem:
         """First the states alone, so that what is not smooth does not refuse every step of the parameters."""
         if not self._settling:
             return
-        assert self._best is not None
+        assert self.best is not None
         little = self._design is not None and self._predicted < _ALONE + _SHARE * self.chi2
         settled = (self.finished or little) and not self._smoothed
         self._settling = 0 if last or settled else self._settling - 1
@@ -147,9 +147,9 @@ class Problem:
             below, self._trial = self._below
             self._trial_starts, self._design = below.starts, below.design
             self._given = below.columns_of(self.effects, split(self.effects, self._trial))
-            self._best, self._below, self.resting = None, None, resting(self.effects, self._trial, below)
+            self.best, self._below, self.resting = None, None, resting(self.effects, self._trial, below)
             return
-        self._trial, self._trial_starts = self._best.flat, self._best.starts
+        self._trial, self._trial_starts = self.best.flat, self.best.starts
         if len(self._given) == len(self._trial) and self._design is not None:
             columns = self._take_derivatives(self._raw[None], Differences(np.zeros(0)))
             self._linear = eliminate(self._design, columns, np.nan_to_num(self._raw))
@@ -157,9 +157,9 @@ class Problem:
 
     def _better(self, residual: Array, per_segment: Array, fresh: bool, last: bool) -> None:
         """Takes a step that helped, or the point where the derivatives were taken."""
-        old, chi2 = np.inf if self._best is None else self._best.chi2, total(per_segment)
+        old, chi2 = np.inf if self.best is None else self.best.chi2, total(per_segment)
         if chi2 <= old:
-            self._best, self._raw = Point(self._trial, self._trial_starts, per_segment), residual
+            self.best, self._raw = Point(self._trial, self._trial_starts, per_segment), residual
             self._detours = 0 if chi2 < old else self._detours
         self.resting = None
         assert self._design is not None and self._columns is not None
@@ -179,15 +179,15 @@ class Problem:
 
     def _each_for_itself(self, residual: Array, per_segment: Array, last: bool) -> None:
         """Without free parameters every segment takes its own step, or a shorter one."""
-        assert self._best is not None and self._design is not None and self._columns is not None
-        old, old_starts = self._best.per_segment, self._best.starts
+        assert self.best is not None and self._design is not None and self._columns is not None
+        old, old_starts = self.best.per_segment, self.best.starts
         better = per_segment < old
         promised = self._linear.promise[~better & self._brakes.on].sum()
         misled = self._stale and promised > _ALONE + 0.1 * _SHARE * self.chi2
         self._raw = np.where(better[:, None], residual, self._raw)
         starts = np.where(better[:, None], self._trial_starts, old_starts)
-        self._best = Point(self._trial, starts, np.minimum(per_segment, old))
-        fell = float((old - self._best.per_segment).sum())
+        self.best = Point(self._trial, starts, np.minimum(per_segment, old))
+        fell = float((old - self.best.per_segment).sum())
         self._linear = eliminate(self._design, self._columns, np.nan_to_num(self._raw))
         halted = self._brakes.follow(better, (self._trial_starts != old_starts).any(axis=1))
         self._age += 1
@@ -197,8 +197,8 @@ class Problem:
             self._design = self._columns = None
         elif not self.finished:
             self._propose()
-            self.only, self.others = self._brakes.moving(self._linear, self._best.per_segment), self._raw
-            self._trial_starts = np.where(self.only[:, None], self._trial_starts, self._best.starts)
+            self.only, self.others = self._brakes.moving(self._linear, self.best.per_segment), self._raw
+            self._trial_starts = np.where(self.only[:, None], self._trial_starts, self.best.starts)
 
     def _take_derivatives(self, white: Array, by: Differences) -> Array:
         if self._design is None:
@@ -216,10 +216,10 @@ class Problem:
 
         For three rounds, with the derivatives that there are: new ones, and a fourth round, ended farther off.
         """
-        assert self._best is not None and self._design is not None and self._smooth is not None
+        assert self.best is not None and self._design is not None and self._smooth is not None
         self._kept = copy.copy(self)
-        worse = per_segment > self._best.per_segment + _LITTLE
-        self._best, self._raw = Point(self._trial, self._trial_starts, per_segment), residual
+        worse = per_segment > self.best.per_segment + _LITTLE
+        self.best, self._raw = Point(self._trial, self._trial_starts, per_segment), residual
         self._columns, self._settling = self._design[..., :0], SETTLE
         self._linear = eliminate(self._design, self._columns, np.nan_to_num(residual))
         self._brakes = Brakes(len(worse))
@@ -230,7 +230,7 @@ class Problem:
 
     def _end_of_detour(self) -> None:
         """Goes on from where the states have followed, or back to where they came from."""
-        assert self._best is not None and self._kept is not None
+        assert self.best is not None and self._kept is not None
         kept, self._kept = self._kept, None
         better = self.chi2 < kept.chi2
         if better:
@@ -238,7 +238,7 @@ class Problem:
             assert design is not None and kept._columns is not None
             self._linear = eliminate(design, kept._columns, np.nan_to_num(self._raw))
             self._columns, self._detours = None, 0  # anew, where there is a next time
-            self._trial, self._trial_starts = self._best.flat, self._best.starts
+            self._trial, self._trial_starts = self.best.flat, self.best.starts
         else:
             vars(self).update(vars(kept))
         self.finished, self._brakes = False, Brakes(len(self._trial_starts))
@@ -247,15 +247,15 @@ class Problem:
 
     def _worse(self, residual: Array, per_segment: Array, last: bool) -> None:
         """A step that did not help: blame single segments, then old derivatives, then the length of the step."""
-        assert self._best is not None
-        bad = None if last else self._brakes.blame(per_segment > self._best.per_segment + _LITTLE)
+        assert self.best is not None
+        bad = None if last else self._brakes.blame(per_segment > self.best.per_segment + _LITTLE)
         if bad is not None:
             self._propose()
             self.only, self.others = bad, residual
             return
         if self._age and not last:
             self._design = self._columns = None
-            self._trial, self._trial_starts = self._best.flat, self._best.starts
+            self._trial, self._trial_starts = self.best.flat, self.best.starts
             return
         if self._smooth is not None and not last and self._detours < _DETOURS and self._predicted > _HOPE * self.chi2:
             self._detours += 1
@@ -271,8 +271,8 @@ class Problem:
             self._propose()
 
     def _propose(self) -> None:
-        assert self._best is not None
-        flat, eliminated = self._best.flat, self._linear
+        assert self.best is not None
+        flat, eliminated = self.best.flat, self._linear
         delta = np.zeros(len(flat))
         if not self._still:
             normal, gradient = eliminated.normal.sum(0), eliminated.gradient.sum(0)
@@ -282,7 +282,7 @@ class Problem:
         self._predicted = eliminated.gain(delta[: eliminated.normal.shape[-1]], self._brakes.share)
         self.finished |= self._predicted < _LITTLE + 1e-5 * self.chi2
         brake = self._brakes.share[:, None] / (1.0 + self._damping)
-        self._trial, self._trial_starts = flat + delta, self._best.starts + brake * shift
+        self._trial, self._trial_starts = flat + delta, self.best.starts + brake * shift
 
     def result(self) -> Fit:
         """The best point, or the smaller set where nothing was tried since it began from there."""
@@ -290,7 +290,7 @@ class Problem:
             self._end_of_detour()
         if self.resting is not None:
             return self.resting
-        best = self._best
+        best = self.best
         assert best is not None
         whole = self._columns is not None and self._columns.shape[-1] == len(best.flat)
         derivatives = (self._design, self._columns, self._taken) if whole else (self._design,)

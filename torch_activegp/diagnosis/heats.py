@@ -8,6 +8,7 @@ import numpy as np
 
 from torch_activegp.diagnosis.fit import Fit
 from torch_activegp.diagnosis.proposals import Set
+from torch_activegp.diagnosis.race import Race
 from torch_activegp.diagnosis.score import Score
 from torch_activegp.diagnosis.shooting import Shooting
 
@@ -66,5 +67,5 @@ def seen_on(shooting: Shooting, fit: Fit, score: Score) -> tuple[Shooting, Fit]:
 
 def near(part: Shooting, sets: Sequence[Set], here: Fit, bars: Sequence[float]) -> list[Set]:
     """Those of some sets whose chi2 on a part of the data is below that of a fit and a bar on top, one for each."""
-    trials = part.fit(sets, here.starts, race=True, near=here, below=here)
+    trials = part.fit(sets, here.starts, race=Race(), near=here, below=here)
     return [(fit.effects, fit.values) for fit, bar in zip(trials, bars, strict=True) if fit.chi2 < here.chi2 + bar]

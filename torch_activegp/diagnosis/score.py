@@ -25,6 +25,8 @@ _COLOURED = 1.5
 """Where colour cannot be seen and so many times the noise is left, every name must gain that much more: behind a spring
 and filtered noise at 50 Hz, 2.3 times its floor, a cogging of 108 periods a turn gained 5 beyond its price."""
 _LENIENT = 0.3
+AT_LEAST = 0.9
+"""Noise per degree of freedom that any set leaves: often no closer is its level known."""
 
 
 @dataclasses.dataclass(frozen=True)
@@ -65,6 +67,27 @@ class Score:
     def before_any_fit(self, nominal: Fit) -> Score:
         """The score by the noise model, where no fit tells yet what noise is left; lenient, for it only proposes."""
         return dataclasses.replace(self, scale=1.0, mismatch=_LENIENT * max(nominal.chi2 - self.samples, 0.0))
+
+    def seeing(self, least: float, nominal: float, dof: int) -> Score:
+        """The score where a set leaves so little, and the nominal so much: noise is what is left, or what was thought.
+
+        Args:
+            least: chi2 per degree of freedom.
+            nominal: chi2 of the nominal.
+            dof: degrees of freedom.
+        """
+        scale = max(least, 1.0)
+        return dataclasses.replace(self, scale=scale, mismatch=max(nominal - scale * dof, 0.0))
+
+    def may_beat(self, effects: Sequence[Effect], best: Sequence[Effect], chi2: float, dof: int) -> bool:
+        """Whether a set could score better than another one of some chi2, if it left noise alone.
+
+        Its price is that without a name for what undoes a tuning, where something else is in it.
+        """
+        tunable = frozenset(effect.key for effect in effects if effect.tunable)
+        lenient = self if len(tunable) == len(effects) else dataclasses.replace(self, free=self.free | tunable)
+        most = max(chi2 - AT_LEAST * dof, 0.0) / self.scale + SLACK
+        return lenient.price(effects) - self.price(best) < most
 
     def price(self, effects: Sequence[Effect]) -> float:
         """What a set must gain to be worth it."""

@@ -13,7 +13,7 @@ from torch_activegp.diagnosis.engine import Engine
 from torch_activegp.diagnosis.fit import Fit
 from torch_activegp.diagnosis.gauss_newton import SETTLE, Problem
 from torch_activegp.diagnosis.noise_model import NoiseModel
-from torch_activegp.diagnosis.race import give_up
+from torch_activegp.diagnosis.race import Race
 from torch_activegp.diagnosis.runs import Array
 from torch_activegp.diagnosis.segments import Segments
 from torch_activegp.physics.effect import Effect
@@ -147,7 +147,7 @@ class Shooting:
         sets: Sequence[tuple[Sequence[Effect], Sequence[Array]]],
         starts: Array,
         rounds: int = ROUNDS,
-        race: bool = False,
+        race: Race | None = None,
         hold: bool = False,
         near: Fit | None = None,
         below: Fit | None = None,
@@ -159,8 +159,8 @@ class Shooting:
             starts: first guess of the initial states, ``(S, nq + nv)`` or one for each set.
             rounds: simulations at most, one after the other.
             hold: keep the parameters as they are and fit the initial states alone.
-            race: give up on sets that stay far behind the best after two steps, and before on those that would begin
-                anew from `below`.
+            race: gives up on sets that stay far behind after two steps, and before on those that would begin anew
+                from `below`; all go on where there is none.
             near: a fit near by, whose derivatives save work.
             below: a fit of what the sets have in common: a first guess that is worse than it misleads, and is left.
         """
@@ -174,8 +174,8 @@ class Shooting:
             if not running:
                 break
             self._advance(running.values(), last=number == rounds)
-            if race:
-                give_up(list(running.values()), [fit.chi2 for fit in ended.values()], only_misled=number < SETTLE + 2)
+            if race is not None:
+                race.give_up(list(running.values()), list(ended.values()), only_misled=number < SETTLE + 2)
             for i in [i for i, problem in running.items() if problem.finished]:
                 ended[i] = running.pop(i).result()  # and lets go of what the fit needed
         ended |= {i: problem.result() for i, problem in running.items()}

@@ -1,0 +1,95 @@
+"""How long segments are: so long that the nominal stays close enough for a linearisation to mean something."""
+
+from __future__ import annotations
+
+import dataclasses
+
+import numpy as np
+
+from torch_activegp.diagnosis.chaining import chained
+from torch_activegp.diagnosis.engine import Engine
+from torch_activegp.diagnosis.fit import Fit
+from torch_activegp.diagnosis.forms import Forms
+from torch_activegp.diagnosis.machine import Machine
+from torch_activegp.diagnosis.noise_model import NoiseModel
+from torch_activegp.diagnosis.runs import Array, median_step
+from torch_activegp.diagnosis.segments import Segments, cut, halve
+from torch_activegp.diagnosis.shooting import Shooting
+
+SECONDS = 1.0
+ROWS = 45
+"""A segment holds at least so many rows: what is sampled slowly is watched longer."""
+PAD = 0.1
+_SHORTEST = 0.25
+_GROWTH = 6.0
+_ROUNDS = 6
+
+
+@dataclasses.dataclass(frozen=True, eq=False)
+class Lengths:
+    """Segments, and how well the nominal follows them.
+
+    Args:
+        segments: S segments.
+        nominal: its fit to them, roughly.
+        uncut: the same to segments of which none was halved.
+        form: the cheap form of the model by which it follows these better.
+    """
+
+    segments: Segments
+    nominal: Fit
+    uncut: Fit
+    form: Engine
+
+    @property
+    def halved(self) -> bool:
+        """Whether some of the segments were halved."""
+        return self.segments.size > len(self.uncut.starts)
+
+
+def longest(machine: Machine, forms: Forms, noise: NoiseModel, too_far: float, known: Lengths | None = None) -> Lengths:
+    """The longest segments over which the nominal stays close enough.
+
+    A segment is halved where the nominal is too far from it, or where a small error of the initial state grows much.
+
+    Args:
+        machine: model and runs.
+        forms: of the model.
+        noise: of the recordings.
+        too_far: chi2 per degree of freedom.
+        known: what another bar gave, with the same noise.
+    """
+    segments = uncut(machine)
+    if known is None:
+        cheap = [forms.coarse, *([forms.late] if forms.late is not None else [])]
+        best, form = min(((_nominal(Shooting(one, segments, noise)), one) for one in cheap), key=lambda x: x[0].chi2)
+    else:
+        best, form = known.uncut, known.form
+    whole = best
+    while True:
+        bad = segments.far_off(best.per_segment, too_far) | (_growth(best, segments, noise) > _GROWTH)
+        long = segments.dt[:, 0] * np.diff(segments.scored, axis=1)[:, 0] > 1.5 * _SHORTEST
+        shorter = halve(segments, bad & long)
+        if shorter.size == segments.size:
+            return Lengths(segments, best, whole, form)
+        segments = shorter
+        best = _nominal(Shooting(form, segments, noise))
+
+
+def uncut(machine: Machine) -> Segments:
+    """The segments before any is halved."""
+    return cut(machine.fit, max(SECONDS, ROWS * median_step(machine.fit)), PAD)
+
+
+def _nominal(shooting: Shooting) -> Fit:
+    """The model without effects, roughly."""
+    fit = shooting.fit([((), ())], shooting.engine.starts(shooting.segments), _ROUNDS)[0]
+    return chained(shooting, fit)
+
+
+def _growth(fit: Fit, segments: Segments, noise: NoiseModel) -> Array:
+    """How much an error of an initial position grows within each segment, ``(S,)``."""
+    assert fit.design is not None
+    size, channels = segments.size, len(noise.scale)
+    moved = fit.design.reshape(size, -1, channels, fit.design.shape[-1])[..., : fit.starts.shape[1] // 2]
+    return np.asarray(np.abs(moved * noise.innovation[:, None]).max(axis=(1, 2, 3)))
