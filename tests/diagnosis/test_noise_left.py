@@ -7,8 +7,8 @@ import pytest
 from scipy.signal import butter, lfilter
 
 from torch_activegp.diagnosis.engine import NOMINAL
-from torch_activegp.diagnosis.noise_left import quieter
-from torch_activegp.diagnosis.noise_model import NoiseModel, colour_scale
+from torch_activegp.diagnosis.noise_left import noise_behind, raised
+from torch_activegp.diagnosis.noise_model import NoiseModel, colour_scale, high_differences
 
 
 def bench_exact(bench) -> np.ndarray:
@@ -30,25 +30,25 @@ def with_noise(bench, level: float, scale: float, pole: float = 0.0):
 @pytest.mark.parametrize("pole", [0.0, 0.7])
 def test_noise_that_was_thought_too_loud_is_seen(clean, pole) -> None:
     shooting, fit = with_noise(clean, 1e-2, 1e-3, pole)
-    found = quieter(shooting, fit)
+    found = noise_behind(shooting, fit)
     assert found is not None
     assert found.innovation[0] == pytest.approx(1e-3 * np.sqrt(1 - pole**2), rel=0.12)
     assert found.colour.any() == (pole > 0.0)
     again = dataclasses.replace(shooting, noise=found)
-    assert quieter(again, again.fit([((), ())], fit.starts)[0]) is None
+    assert noise_behind(again, again.fit([((), ())], fit.starts)[0]) is None
 
 
 @pytest.mark.parametrize("level", [1e-3, 3e-4])
 def test_noise_is_never_made_louder(clean, level) -> None:
     shooting, fit = with_noise(clean, level, 1e-3)
-    assert quieter(shooting, fit) is None
+    assert noise_behind(shooting, fit) is None
 
 
 def test_too_few_values_and_failed_simulations_say_nothing(clean) -> None:
     shooting, fit = with_noise(clean, 1e-2, 1e-3)
     few = shooting.pick(np.arange(2))
-    assert quieter(few, fit.pick(np.arange(2))) is None
-    assert quieter(shooting, dataclasses.replace(fit, starts=fit.starts * np.nan)) is None
+    assert noise_behind(few, fit.pick(np.arange(2))) is None
+    assert noise_behind(shooting, dataclasses.replace(fit, starts=fit.starts * np.nan)) is None
 
 
 @pytest.mark.parametrize(("level", "seen"), [(1e-2, True), (3e-4, False)])
@@ -59,10 +59,10 @@ def test_far_below_the_floor_the_closest_colour_stands_in_for_what_is_left_of_ph
     slow = 3e-3 * np.sin(2 * np.pi * 6.0 * time)[None, :, None]
     segments = dataclasses.replace(shooting.segments, position=shooting.segments.position + slow)
     bent = dataclasses.replace(shooting, segments=segments)
-    found = quieter(bent, fit)
+    found = noise_behind(bent, fit)
     assert (found is not None) == seen
     assert found is None or 1e-4 < found.innovation[0] < 1e-3
-    assert quieter(bent, fit, last=True) is None
+    assert noise_behind(bent, fit, last=True) is None
 
 
 @pytest.mark.parametrize(("order", "corner"), [(1, 5.0), (1, 10.0), (2, 10.0)])
@@ -78,7 +78,7 @@ def test_behind_a_filter_that_no_colour_is_a_perfect_model_stays_one(clean, orde
     poles, error = (2 * 0.88, -(0.88**2)), position - exact
     fresh = (error[:, 2:] - poles[0] * error[:, 1:-1] - poles[1] * error[:, :-2]).std()  # as its spectrum shows it
     floor = dataclasses.replace(filtered, noise=NoiseModel(np.array([fresh / colour_scale(poles)]), np.array([poles])))
-    found = quieter(floor, floor.fit([((), ())], fit.starts)[0])
+    found = noise_behind(floor, floor.fit([((), ())], fit.starts)[0])
     again = dataclasses.replace(floor, noise=found or floor.noise)
     assert again.fit([((), ())], fit.starts)[0].chi2 < 1.2 * again.dof
 
@@ -86,7 +86,7 @@ def test_behind_a_filter_that_no_colour_is_a_perfect_model_stays_one(clean, orde
 @pytest.mark.parametrize(("floor", "louder"), [(1e-2, True), (3e-4, False), (8e-4, False)])
 def test_noise_that_was_taken_too_low_rises_again_below_the_floor(clean, floor, louder: bool) -> None:
     shooting, fit = with_noise(clean, 3e-4, 1e-3, 0.7)
-    found = quieter(shooting, fit, NoiseModel.white(np.array([floor])))
+    found = noise_behind(shooting, fit, NoiseModel.white(np.array([floor])))
     assert (found is not None) == louder
     if found is not None:
         assert found.innovation[0] == pytest.approx(1e-3 * np.sqrt(1 - 0.7**2), rel=0.12)
@@ -95,8 +95,50 @@ def test_noise_that_was_taken_too_low_rises_again_below_the_floor(clean, floor, 
 def test_noise_is_not_below_what_rigid_bodies_hold(clean) -> None:
     shooting, fit = with_noise(clean, 1e-2, 1e-9)
     spread = np.sqrt(np.mean([run.position.var(axis=0) for run in shooting.segments.runs], axis=0))
-    found = quieter(shooting, fit)
+    found = noise_behind(shooting, fit)
     assert found is not None
     assert found.innovation[0] == pytest.approx(3e-5 * spread[0], rel=1e-6)
     again = dataclasses.replace(shooting, noise=found)
-    assert quieter(again, fit) is None
+    assert noise_behind(again, fit) is None
+
+
+@pytest.mark.parametrize("pole", [0.55, 0.7, 0.88])
+def test_a_filter_that_the_floor_did_not_see_is_seen_behind_a_perfect_model(clean, pole: float) -> None:
+    floor = 1e-3 * np.sqrt((1 - pole**2) * high_differences((pole, 0.0)))
+    shooting, fit = with_noise(clean, floor, 1e-3, pole)
+    assert fit.chi2 > 2.0 * shooting.dof
+    found = noise_behind(shooting, fit)
+    assert found is not None
+    assert found.scale[0] == pytest.approx(1e-3, rel=0.3)
+    assert found.innovation[0] == pytest.approx(1e-3 * np.sqrt(1 - pole**2), rel=0.12)
+    again = dataclasses.replace(shooting, noise=found)
+    anew = again.fit([((), ())], fit.starts)[0]
+    assert anew.chi2 == pytest.approx(again.dof, rel=0.15)
+    assert noise_behind(again, anew, raised(shooting.noise, found)) is None
+
+
+@pytest.mark.parametrize("times", [0.7, 1.4])
+def test_noise_that_differences_would_show_louder_or_quieter_is_no_filters(clean, times: float) -> None:
+    floor = times * 1e-3 * np.sqrt((1 - 0.7**2) * high_differences((0.7, 0.0)))
+    assert noise_behind(*with_noise(clean, floor, 1e-3, 0.7)) is None
+
+
+@pytest.mark.parametrize("hertz", [0.5, 2.0, 6.0])
+@pytest.mark.parametrize("size", [1e-3, 3e-3, 1e-2])
+def test_slow_errors_of_physics_beside_white_noise_are_no_filters(clean, hertz: float, size: float) -> None:
+    shooting, fit = with_noise(clean, 1e-3, 1e-3)
+    rng = np.random.default_rng(7)
+    time = np.arange(shooting.segments.intervals + 1) / 100
+    phase = rng.uniform(0, 2 * np.pi, (len(fit.starts), 1))
+    slow = size * np.sin(2 * np.pi * hertz * time[None] + phase)[..., None]
+    segments = dataclasses.replace(shooting.segments, position=shooting.segments.position + slow)
+    bent = dataclasses.replace(shooting, segments=segments)
+    assert noise_behind(bent, bent.fit([((), ())], fit.starts)[0]) is None
+
+
+def test_a_floor_is_raised_where_the_noise_is_louder() -> None:
+    floor = NoiseModel.white(np.array([1.0, 1.0]))
+    noise = NoiseModel(np.array([2.0, 0.5]), np.array([[0.5, 0.0], [0.5, 0.0]]))
+    found = raised(floor, noise)
+    np.testing.assert_allclose(found.scale, [2.0, 1.0])
+    np.testing.assert_allclose(found.colour, [[0.5, 0.0], [0.0, 0.0]])

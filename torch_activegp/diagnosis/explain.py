@@ -16,7 +16,7 @@ from torch_activegp.diagnosis.fit import Fit
 from torch_activegp.diagnosis.lengths import Lengths, longest
 from torch_activegp.diagnosis.machine import Machine
 from torch_activegp.diagnosis.noise_floor import noise_floor
-from torch_activegp.diagnosis.noise_left import quieter
+from torch_activegp.diagnosis.noise_left import noise_behind, raised
 from torch_activegp.diagnosis.noise_model import NoiseModel
 from torch_activegp.diagnosis.numerics import CREEPS, Numerics, Sets
 from torch_activegp.diagnosis.polish import polish
@@ -111,15 +111,18 @@ def explain(
     def name() -> tuple[_Start, Selection]:
         start = keep.once("naming on a part of the data", begin)
         first = start.first
-        if first.effects and (other := quieter(start.shooting, first, noise)) is not None:
+        floor = noise
+        if first.effects and (other := noise_behind(start.shooting, first, floor)) is not None:
+            floor = raised(floor, other)
             sets = [(first.effects, first.values), *start.sets]
             start = _with_noise(machine, numerics, start, sets, start.free, other, tell)
         tell("naming on all data")
         selection = select_from(start)
         for number in range(_QUIETER):
-            other = quieter(start.shooting, selection.best, noise, last=number == _QUIETER - 1)
+            other = noise_behind(start.shooting, selection.best, floor, last=number == _QUIETER - 1)
             if other is None:
                 break
+            floor = raised(floor, other)
             start = _with_noise(machine, numerics, start, _leaders(selection), selection.score.free, other, tell)
             selection = select_from(start)
         return start, also_weak(start.shooting, selection, effects, tell)

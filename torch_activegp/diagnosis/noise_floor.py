@@ -7,7 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 from scipy import signal
 
-from torch_activegp.diagnosis.noise_model import NoiseModel, colour_family
+from torch_activegp.diagnosis.noise_model import NoiseModel, colour_family, spectrum
 from torch_activegp.diagnosis.noise_periods import noise_from_periods
 from torch_activegp.diagnosis.runs import Array, Run, median_step
 
@@ -96,7 +96,7 @@ def _colour(runs: Sequence[Run], channel: int) -> tuple[tuple[float, float], flo
         return None
     misfits = {}
     for poles in colour_family():
-        shape = _shape(poles, frequency[high])
+        shape = spectrum(poles, frequency[high])
         offset = np.mean(np.log(power[high]) - np.log(shape))
         misfits[poles] = (float(np.mean((np.log(power[high]) - np.log(shape) - offset) ** 2)), float(offset))
     poles = min(misfits, key=lambda key: misfits[key][0])
@@ -119,9 +119,3 @@ def _spectrum(run: Run, channel: int) -> tuple[Array, Array] | None:
     )
     inner = slice(4, -2)
     return frequency[inner], power[inner]
-
-
-def _shape(poles: tuple[float, float], frequency: Array) -> Array:
-    """Spectrum of autoregressive noise with unit innovations."""
-    z = np.exp(-2j * np.pi * frequency)
-    return np.asarray(1.0 / np.abs(1.0 - poles[0] * z - poles[1] * z**2) ** 2)

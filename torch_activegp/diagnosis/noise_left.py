@@ -1,13 +1,22 @@
-"""The noise of recorded positions from what a fit leaves, where that is less than was thought."""
+"""The noise of recorded positions from what a fit leaves, where that is clearly another than was thought."""
 
 from __future__ import annotations
+
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from torch_activegp.diagnosis.fit import Fit
 from torch_activegp.diagnosis.noise_floor import finest
-from torch_activegp.diagnosis.noise_model import SEEN, NoiseModel, colour_scale, is_white, likeliest
+from torch_activegp.diagnosis.noise_model import (
+    SEEN,
+    NoiseModel,
+    colour_scale,
+    high_differences,
+    is_white,
+    likeliest,
+)
 from torch_activegp.diagnosis.runs import Array
 from torch_activegp.diagnosis.shooting import Shooting
 
@@ -17,21 +26,32 @@ _FAR_LESS = 0.25
 """The same where what is left is no noise of any colour, and the closest one stands in for a while."""
 _LEAST = 200
 """Fewer values of a channel say too little."""
+_SAME_HIGH = (0.8, 1.25)
+"""A colour explains a floor where the variance that it shows to high differences is that of the floor, times this:
+1.0 to 1.15 for filtered noise behind dropped rows, 0.65 to 0.8 for what physics left beside white noise,"""
+_FRESH = 0.12
+"""and where what is new correlates with what was new before by less: 0.07 for the one, 0.2 to 0.3 for the other."""
+_LOUDER = 1.2
 
 
-def quieter(shooting: Shooting, fit: Fit, loudest: NoiseModel | None = None, last: bool = False) -> NoiseModel | None:
+def noise_behind(
+    shooting: Shooting, fit: Fit, floor: NoiseModel | None = None, last: bool = False
+) -> NoiseModel | None:
     """Level and colour of what a fit leaves, for the channels where that is clearly not what the noise model says.
 
     A floor without a model cannot tell a filter's noise from a fast motion: under a tight loop that moves at 10 Hz,
     recorded at 100 Hz, it was ten times too high in variance, and hid what was weak. What any model leaves bounds the
-    noise from above. It is never taken to be louder than the floor: what is left may be physics. Where it is that, and
-    no noise of any colour, and far less than was thought, the closest colour stands in: what was hidden shows, and the
-    noise is looked at again behind it.
+    noise from above. Where it is no noise of any colour, and far less than was thought, the closest colour stands in:
+    what was hidden shows, and the noise is looked at again behind it.
+
+    Nor can a floor see a filter where the recording is slow or rows are missing. What is left may be physics, so noise
+    is louder than the floor in one case alone: what is new in what is left is white, and so loud that high differences
+    would show just that floor.
 
     Args:
         shooting: the likelihood.
         fit: the best set.
-        loudest: the floor; the noise of the likelihood where that was not changed.
+        floor: the noise without a model; that of the likelihood where it was not changed.
         last: whether nobody would look behind it again; then nothing stands in.
 
     Returns:
@@ -39,24 +59,57 @@ def quieter(shooting: Shooting, fit: Fit, loudest: NoiseModel | None = None, las
     """
     old = shooting.noise
     scale, colour = old.scale.copy(), old.colour.copy()
-    floor = loudest or old
-    most = floor.innovation**2
     found = False
-    for channel, channel_left in enumerate(_left(shooting, fit)):
-        thought, count = float(old.innovation[channel] ** 2), channel_left.count
-        poles = channel_left.colour()
-        new, before = channel_left.innovation(poles), channel_left.innovation(tuple(old.colour[channel])) / thought
-        if is_white([*channel_left.fresh(poles)]):
-            gained = count * (np.log(thought / new) + before - 1.0)
-            under = channel_left.innovation(tuple(floor.colour[channel])) <= most[channel]
-            fits = under and (thought < most[channel] or (before <= 1.0 and new < _LESS * thought))
-            better = fits and not _LESS < new / thought < 1.0 / _LESS and gained > SEEN
-        else:
-            better = not last and new < _FAR_LESS * thought
-        if better:
+    for channel, left in enumerate(_left(shooting, fit)):
+        own, first = _of(old, channel), _of(floor or old, channel)
+        new = _quieter(left, own, first, last) or _filtered(left, own, first)
+        if new is not None:
             found = True
-            scale[channel], colour[channel] = np.sqrt(new) / colour_scale(poles), poles
+            scale[channel], colour[channel] = np.sqrt(new[1]) / colour_scale(new[0]), new[0]
     return NoiseModel(scale, colour) if found else None
+
+
+def raised(floor: NoiseModel, noise: NoiseModel) -> NoiseModel:
+    """A floor where another noise is louder: that."""
+    louder = noise.innovation > floor.innovation
+    return NoiseModel(np.where(louder, noise.scale, floor.scale), np.where(louder[:, None], noise.colour, floor.colour))
+
+
+class _Noise(NamedTuple):
+    """That of one channel: its colour, and the variance of what is new."""
+
+    poles: tuple[float, float]
+    innovation: float
+
+
+def _of(noise: NoiseModel, channel: int) -> _Noise:
+    first, second = noise.colour[channel]
+    return _Noise((float(first), float(second)), float(noise.innovation[channel] ** 2))
+
+
+def _quieter(left: _Left, thought: _Noise, floor: _Noise, last: bool) -> _Noise | None:
+    """The noise of a channel where what is left is less than was thought, and no louder than its floor."""
+    poles = left.colour()
+    new, before = left.innovation(poles), left.innovation(thought.poles) / thought.innovation
+    if is_white([*left.fresh(poles)]):
+        gained = left.count * (np.log(thought.innovation / new) + before - 1.0)
+        under = left.innovation(floor.poles) <= floor.innovation
+        fits = under and (thought.innovation < floor.innovation or (before <= 1.0 and new < _LESS * thought.innovation))
+        better = fits and not _LESS < new / thought.innovation < 1.0 / _LESS and gained > SEEN
+    else:
+        better = not last and new < _FAR_LESS * thought.innovation
+    return _Noise(poles, new) if better else None
+
+
+def _filtered(left: _Left, thought: _Noise, floor: _Noise) -> _Noise | None:
+    """The noise of a channel where a filter hides most of it from a floor that took it for white."""
+    poles = left.colour()
+    new = left.innovation(poles)
+    if any(floor.poles) or any(thought.poles) or not any(poles) or new < _LOUDER * thought.innovation:
+        return None
+    shown = new * high_differences(poles) / floor.innovation
+    same = _SAME_HIGH[0] < shown < _SAME_HIGH[1] and is_white([*left.fresh(poles)], _FRESH)
+    return _Noise(poles, new) if same else None
 
 
 def _left(shooting: Shooting, fit: Fit) -> list[_Left]:

@@ -14,6 +14,7 @@ CORRELATED = 0.3
 """Largest correlation of what is new with what was new before: what is more is no filter."""
 SEEN = 10.0
 """Twice the logarithm of a likelihood ratio that tells one noise from another."""
+_ORDER, _FREQUENCIES = 8, 512
 
 
 @dataclasses.dataclass(frozen=True)
@@ -110,10 +111,31 @@ def likeliest(innovation: Callable[[tuple[float, float]], float], count: int) ->
     return poles if misfit[poles] < misfit[0.0, 0.0] - SEEN else (0.0, 0.0)
 
 
-def is_white(fresh: Sequence[Array]) -> bool:
-    """Whether what is new in a value says nothing about the next ones, in series of such values, zero where unknown."""
+def is_white(fresh: Sequence[Array], most: float = CORRELATED) -> bool:
+    """Whether what is new in a value says nothing about the next ones, in series of such values, zero where unknown.
+
+    Args:
+        fresh: the series.
+        most: correlation, at most.
+    """
     total = sum(float(f @ f) for f in fresh)
-    return all(abs(sum(float(f[lag:] @ f[:-lag]) for f in fresh)) <= CORRELATED * total for lag in (1, 2, 3))
+    return all(abs(sum(float(f[lag:] @ f[:-lag]) for f in fresh)) <= most * total for lag in (1, 2, 3))
+
+
+def high_differences(poles: tuple[float, float]) -> float:
+    """Variance that noise of a colour and unit innovations shows to differences of order 8, as `data.noise_std` takes.
+
+    It is one for white noise.
+    """
+    frequency = (np.arange(_FREQUENCIES) + 0.5) / (2 * _FREQUENCIES)
+    weight = np.sin(np.pi * frequency) ** (2 * _ORDER)
+    return float((spectrum(poles, frequency) * weight).sum() / weight.sum())
+
+
+def spectrum(poles: tuple[float, float], frequency: Array) -> Array:
+    """That of autoregressive noise with unit innovations, at some parts of the sampling rate."""
+    z = np.exp(-2j * np.pi * frequency)
+    return np.asarray(1.0 / np.abs(1.0 - poles[0] * z - poles[1] * z**2) ** 2)
 
 
 def colour_family() -> list[tuple[float, float]]:
