@@ -7,7 +7,8 @@ import pytest
 from scipy.signal import butter, lfilter
 
 from torch_activegp.diagnosis.engine import NOMINAL
-from torch_activegp.diagnosis.noise_left import noise_behind, raised
+from torch_activegp.diagnosis.judge import omnibus
+from torch_activegp.diagnosis.noise_left import noise_behind, raised, recoloured
 from torch_activegp.diagnosis.noise_model import NoiseModel, colour_scale, high_differences
 
 
@@ -142,3 +143,32 @@ def test_a_floor_is_raised_where_the_noise_is_louder() -> None:
     found = raised(floor, noise)
     np.testing.assert_allclose(found.scale, [2.0, 1.0])
     np.testing.assert_allclose(found.colour, [[0.5, 0.0], [0.0, 0.0]])
+
+
+@pytest.mark.parametrize(("level", "seen"), [(1e-3, True), (0.75e-3, False)])
+def test_a_slight_colour_is_taken_for_noise_where_it_is_no_louder_than_the_floor(clean, level, seen) -> None:
+    shooting, fit = with_noise(clean, level, 1e-3, 0.3)
+    found = recoloured(shooting, fit)
+    assert found.colour.any() == seen
+    assert found.scale[0] == pytest.approx(1e-3 if seen else level, rel=0.1)
+    if seen:
+        assert omnibus(shooting, fit).excess > 3.0 * omnibus(dataclasses.replace(shooting, noise=found), fit).excess
+
+
+def test_white_noise_and_noise_of_a_known_colour_stay_as_they_are(clean) -> None:
+    shooting, fit = with_noise(clean, 1e-3, 1e-3)
+    assert not recoloured(shooting, fit).colour.any()
+    known = NoiseModel(np.array([1e-3]), np.array([[0.2, 0.0]]))
+    shooting, fit = with_noise(clean, 1e-3, 1e-3, 0.4)
+    kept = recoloured(dataclasses.replace(shooting, noise=known), fit)
+    np.testing.assert_array_equal(kept.colour, known.colour)
+    np.testing.assert_array_equal(kept.scale, known.scale)
+
+
+def test_slow_errors_of_physics_are_not_taken_for_a_slight_colour(clean) -> None:
+    shooting, fit = with_noise(clean, 1e-3, 1e-3)
+    time = np.arange(shooting.segments.intervals + 1) / 100
+    slow = 1.5e-3 * np.sin(2 * np.pi * 3.0 * time)[None, :, None]
+    segments = dataclasses.replace(shooting.segments, position=shooting.segments.position + slow)
+    bent = dataclasses.replace(shooting, segments=segments)
+    assert not recoloured(bent, bent.fit([((), ())], fit.starts)[0]).colour.any()

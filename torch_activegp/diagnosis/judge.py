@@ -12,6 +12,7 @@ from torch_activegp.diagnosis.compared import Selection, fitted
 from torch_activegp.diagnosis.elimination import eliminate, scaled
 from torch_activegp.diagnosis.fit import Fit
 from torch_activegp.diagnosis.merging import TWO_SIDED, push
+from torch_activegp.diagnosis.noise_left import recoloured
 from torch_activegp.diagnosis.reference import free_force_columns
 from torch_activegp.diagnosis.score import TIE
 from torch_activegp.diagnosis.selection import MAX_EFFECTS
@@ -134,7 +135,8 @@ def judge(shooting: Shooting, selection: Selection) -> Judgement:
         verdict = "unknown" if _visible(shooting, before) else "none"
         share = 1.0 if verdict == "unknown" else 0.0
         return Judgement(verdict, best, (), (), (), (), (), share, verdict == "none", before.p_value, rivals)
-    after = omnibus(shooting, best)
+    behind = dataclasses.replace(shooting, noise=recoloured(shooting, best))
+    after = omnibus(behind, best)
     unexplained = after.excess / max(after.excess + gain, 1e-300)
     white = after.p_value > SURE
     named, retuned = _split(shooting, selection, rivals)
@@ -153,7 +155,7 @@ def judge(shooting: Shooting, selection: Selection) -> Judgement:
     p_value = min(before.p_value, float(stats.chi2.sf(gain / score.scale, best.size)) * score.names)
     crowded = len(order) >= MAX_EFFECTS and unexplained > (CROWDED if len(order) == MAX_EFFECTS else OVERCROWDED)
     seen = SEEN if len(order) < MANY else SEEN_BEHIND_MANY
-    most = seen if _visible(shooting, after) else INADEQUATE
+    most = seen if _visible(behind, after) else INADEQUATE
     if best.chi2 > LOUD * shooting.dof:
         most = min(most, SEEN_LOUD)
     if after.p_value < DOUBT and (unexplained > most or crowded):

@@ -32,6 +32,8 @@ _SAME_HIGH = (0.8, 1.25)
 _FRESH = 0.12
 """and where what is new correlates with what was new before by less: 0.07 for the one, 0.2 to 0.3 for the other."""
 _LOUDER = 1.2
+_AS_LOUD = 1.15
+"""Floors are known to so much, in variance."""
 
 
 def noise_behind(
@@ -67,6 +69,27 @@ def noise_behind(
             found = True
             scale[channel], colour[channel] = np.sqrt(new[1]) / colour_scale(new[0]), new[0]
     return NoiseModel(scale, colour) if found else None
+
+
+def recoloured(shooting: Shooting, fit: Fit) -> NoiseModel:
+    """The noise with the colour of what a fit leaves, in channels where that is white noise but for a slight colour.
+
+    A quantised encoder behind a filter leaves neither white noise nor that of any filter, and differences see little of
+    its colour. To a force that is free in time it looked like a fifth of a weak mismatch.
+
+    Args:
+        shooting: the likelihood.
+        fit: the best set.
+    """
+    noise = shooting.noise
+    scale, colour = noise.scale.copy(), noise.colour.copy()
+    for channel, left in enumerate(_left(shooting, fit)):
+        thought, poles = _of(noise, channel), left.colour()
+        new, before = left.innovation(poles), left.innovation(thought.poles)
+        slight = not any(thought.poles) and before < _AS_LOUD * thought.innovation
+        if slight and any(poles) and is_white([*left.fresh(poles)], _FRESH):
+            scale[channel], colour[channel] = np.sqrt(new) / colour_scale(poles), poles
+    return NoiseModel(scale, colour)
 
 
 def raised(floor: NoiseModel, noise: NoiseModel) -> NoiseModel:
