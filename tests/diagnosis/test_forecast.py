@@ -12,6 +12,7 @@ from torch_activegp.diagnosis.engine import NOMINAL, Candidate, Engine
 from torch_activegp.diagnosis.forecast import SEEN, STEP, compare, free_run, one_step
 from torch_activegp.diagnosis.machine import make_machine
 from torch_activegp.diagnosis.noise_model import NoiseModel
+from torch_activegp.diagnosis.segments import cut
 from torch_activegp.diagnosis.shooting import Shooting
 
 
@@ -165,6 +166,32 @@ def test_initial_states_are_fitted_in_longer_steps_where_these_do(damping: float
     for kind in ("one_step", "free_run"):
         assert overall[kind]["before"] < 1.3 * overall[kind]["noise"]
     assert max(used) == substeps
+
+
+def test_steps_that_misled_about_a_model_are_not_tried_with_it_again(bench, truth, monkeypatch) -> None:
+    fine = Engine(bench.machine.model, bench.engine.channels, 8, 1, int(mujoco.mjtIntegrator.mjINT_RK4))
+    begin = forecast._Beginnings(fine, bench.shooting.noise, [NOMINAL, truth], 0.005)
+    whole = cut(bench.machine.holdout, 1e9, 0.0)
+    asked: list[tuple[int, int]] = []
+    fit = Shooting.fit
+    monkeypatch.setattr(
+        Shooting,
+        "fit",
+        lambda self, sets, *a, **k: asked.append((self.engine.substeps, len(sets))) or fit(self, sets, *a, **k),
+    )
+    monkeypatch.setattr(
+        forecast, "_agrees", lambda _, fits: np.array([bool(one.effects) for one in fits])
+    )  # the nominal is misled
+    first = begin.fit(whole, fine.starts(whole))
+    assert asked == [(1, 2), (4, 1), (8, 1)]
+    assert first.shape == (2, whole.size, 2)
+    asked.clear()
+    again = begin.fit(whole, first)
+    assert asked == [(1, 1), (8, 1)]
+    np.testing.assert_allclose(again[0], first[0], atol=1e-3)
+    asked.clear()
+    begin.of(np.array([0])).fit(whole, fine.starts(whole))
+    assert asked == [(8, 1)]
 
 
 def test_only_steps_of_runge_kutta_are_made_longer(bench, clean) -> None:

@@ -47,7 +47,7 @@ def one_step(
     each = np.arange(windows.size)
     before = np.arange(windows.intervals + 1) <= ends[:, :1]
     seen = dataclasses.replace(windows, counts=windows.counts & before)
-    starts = _begun(engine, seen, noise, candidates, engine.starts(windows))
+    starts = _Beginnings(engine, noise, candidates, median_step(runs)).fit(seen, engine.starts(windows))
     predicted, _ = engine.predict(windows, starts, candidates)
     errors = windows.position[each, ends[:, 1]] - predicted[:, each, ends[:, 1]]
     rows = windows.first + ends[:, 1]
@@ -86,12 +86,13 @@ def free_run(
         For each candidate and each run, positions ``(K + 1, C)``, rad or m, and the initial state, ``(nq + nv,)``.
     """
     whole = cut(runs, 1e9, 0.0)
-    starts, chi2 = _followed(engine, runs, noise, candidates, [_FIRST])
+    begin = _Beginnings(engine, noise, candidates, median_step(runs))
+    starts, chi2 = _followed(begin, runs, [_FIRST])
     lost = np.flatnonzero((chi2 > _LOST * whole.samples).any(axis=1))
     doublings = math.ceil(math.log2(max(max(float(run.time[-1]) for run in runs) / _FIRST, 1.0)))
     lengths = [_FIRST * 2.0**n for n in range(1, doublings)]  # the whole comes in the end
     if lost.size and lengths:
-        others, other = _followed(engine, runs, noise, [candidates[int(i)] for i in lost], lengths)
+        others, other = _followed(begin.of(lost), runs, lengths)
         starts[lost] = np.where((other < chi2[lost])[..., None], others, starts[lost])
     predicted, _ = engine.predict(whole, starts, candidates)
     return [
@@ -100,56 +101,81 @@ def free_run(
     ]
 
 
-def _begun(
-    engine: Engine, segments: Segments, noise: NoiseModel, candidates: Sequence[Candidate], starts: Array
-) -> Array:
-    """Initial states that fit each candidate best, ``(N, S, nq + nv)``.
+class _Beginnings:
+    """Initial states that fit each of some candidates best.
 
-    They are fitted in long steps, where these tell from there what the engine itself does.
+    They are fitted in long steps, where these tell from there what the engine itself does. Steps that misled about a
+    candidate once are not tried with it again: a longer run wants no longer ones.
+
+    Args:
+        engine: simulates.
+        noise: whitens.
+        candidates: N models.
+        interval: between rows, s.
+        first: number of the form that is tried first, by candidate.
     """
-    sets, interval = [(candidate.effects, candidate.values) for candidate in candidates], median_step(segments.runs)
-    longer = [engine.in_longer_steps(seconds, interval) for seconds in _ROUGHLY]
-    forms = {form.substeps: form for form in (*longer, engine)}  # of the same number the last: the engine itself
-    fits: list[Fit] = []
-    for form in forms.values():
-        fits = Shooting(form, segments, noise).fit(sets, starts, _ROUNDS, hold=True)
-        if form is engine or _agrees(Shooting(engine, segments, noise), fits):
-            break
-    return np.stack([fit.starts for fit in fits])
+
+    def __init__(
+        self,
+        engine: Engine,
+        noise: NoiseModel,
+        candidates: Sequence[Candidate],
+        interval: float,
+        first: NDArray[np.int64] | None = None,
+    ) -> None:
+        self.engine, self.noise, self.candidates, self._interval = engine, noise, list(candidates), interval
+        longer = [engine.in_longer_steps(seconds, interval) for seconds in _ROUGHLY]
+        self._forms = list({form.substeps: form for form in (*longer, engine)}.values())  # of the same the last: itself
+        self._first = np.zeros(len(self.candidates), dtype=np.int64) if first is None else first
+
+    def of(self, which: NDArray[np.int64]) -> _Beginnings:
+        """The same for some of the candidates."""
+        some = [self.candidates[int(i)] for i in which]
+        return _Beginnings(self.engine, self.noise, some, self._interval, self._first[which])
+
+    def fit(self, segments: Segments, starts: Array) -> Array:
+        """Initial states ``(N, S, nq + nv)``, from first guesses, one for all candidates or one for each."""
+        sets = [(candidate.effects, candidate.values) for candidate in self.candidates]
+        found = np.broadcast_to(starts, (len(sets), *starts.shape[-2:])).copy()
+        given = found.copy()
+        for number, form in enumerate(self._forms):
+            which = np.flatnonzero(self._first == number)
+            if not len(which):
+                continue
+            fits = Shooting(form, segments, self.noise).fit([sets[i] for i in which], given[which], _ROUNDS, hold=True)
+            found[which] = [fit.starts for fit in fits]
+            if form is not self.engine:
+                self._first[which] += ~_agrees(Shooting(self.engine, segments, self.noise), fits)
+        return found
 
 
-def _agrees(shooting: Shooting, fits: Sequence[Fit]) -> bool:
-    """Whether a likelihood sees fits that were made with other time steps as those did."""
+def _agrees(shooting: Shooting, fits: Sequence[Fit]) -> NDArray[np.bool_]:
+    """Whether a likelihood sees fits that were made with other time steps as those did, ``(N,)``."""
     states = np.stack([fit.starts for fit in fits])
     predicted, _ = shooting.engine.predict(shooting.segments, states, [fit.candidate for fit in fits])
     chi2 = (shooting.residuals(predicted) ** 2).sum(axis=-1)
     told = np.stack([fit.per_segment for fit in fits])
-    return bool((np.abs(chi2 - told) < _ALIKE * (told + shooting.segments.samples)).all())
+    return np.asarray((np.abs(chi2 - told) < _ALIKE * (told + shooting.segments.samples)).all(axis=-1))
 
 
-def _followed(
-    engine: Engine, runs: Sequence[Run], noise: NoiseModel, candidates: Sequence[Candidate], lengths: Sequence[float]
-) -> tuple[Array, Array]:
+def _followed(begin: _Beginnings, runs: Sequence[Run], lengths: Sequence[float]) -> tuple[Array, Array]:
     """Initial states ``(N, S, nq + nv)`` that fit whole runs, and chi2 ``(N, S)``.
 
     Args:
-        engine: simulates.
+        begin: fits the states of N models.
         runs: S whole runs.
-        noise: whitens.
-        candidates: N models.
         lengths: of the beginnings to which states are fitted first, s, in turn.
     """
     whole = cut(runs, 1e9, 0.0)
-    shooting = Shooting(engine, whole, noise)
-    smooth = engine.starts(whole)
-    starts = np.broadcast_to(smooth, (len(candidates), *smooth.shape))
+    shooting = Shooting(begin.engine, whole, begin.noise)
+    starts = begin.engine.starts(whole)
+    starts = np.broadcast_to(starts, (len(begin.candidates), *starts.shape))
     for length in lengths:
         pieces = cut(runs, length, 0.0)
         heads = pieces.pick(np.flatnonzero(pieces.first == 0))
-        begun = _begun(engine, heads, noise, candidates, starts)
-        starts = _better(shooting, candidates, begun, starts)
-    ended = _begun(engine, whole, noise, candidates, starts)
-    return ended, _chi2(shooting, candidates, ended)
+        starts = _better(shooting, begin.candidates, begin.fit(heads, starts), starts)
+    ended = begin.fit(whole, starts)
+    return ended, _chi2(shooting, begin.candidates, ended)
 
 
 def _better(shooting: Shooting, candidates: Sequence[Candidate], one: Array, other: Array) -> Array:
