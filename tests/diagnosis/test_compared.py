@@ -7,7 +7,9 @@ import pytest
 
 from torch_activegp.diagnosis.compared import Selection, compare, fitted, without_each
 from torch_activegp.diagnosis.fit import resting
+from torch_activegp.diagnosis.race import Race
 from torch_activegp.diagnosis.score import Score
+from torch_activegp.diagnosis.shooting import Shooting
 
 
 @pytest.fixture
@@ -198,3 +200,55 @@ def test_what_is_compared_is_lightened(bench, found) -> None:
     sets = [((wet,), (np.array([value]),)) for value in np.linspace(0.01, 0.1, 16)]
     compare(bench.shooting, found, sets, bench.nominal)
     assert sum(fit.columns is not None for fit in found.fits if fit.effects) == 1
+
+
+@pytest.mark.parametrize("race", [True, False])
+def test_a_race_knows_what_names_cost(bench, found, monkeypatch, race: bool) -> None:
+    """Beside a damping that leaves noise alone a stop is not worth the time, where there was much to explain."""
+    found.nominal = dataclasses.replace(bench.nominal, chi2=300.0 * bench.nominal.chi2)
+    found.fits = [found.nominal]
+    damping, stop = bench.effect("viscous_friction"), bench.effect("joint_stop")
+    sets = [((damping,), (np.array([0.05]),))]
+    sets.append(((damping, stop), (np.array([0.05]), np.array([0.5, 50.0, 0.1]))))
+    ended: list[int] = []
+    give_up = Race.give_up
+
+    def listen(self, problems, over, only_misled=False) -> None:
+        before = {id(problem) for problem in problems if problem.finished}
+        give_up(self, problems, over, only_misled)
+        ended.extend(len(p.effects) for p in problems if p.finished and id(p) not in before)
+
+    monkeypatch.setattr(Race, "give_up", listen)
+    compare(bench.shooting, found, sets, bench.nominal, race=race)
+    assert found.best.keys == {damping.key}
+    assert ended == ([2] if race else [])
+
+
+@pytest.mark.parametrize(("nominal", "free", "again"), [(1.0, False, True), (300.0, False, False), (300.0, True, True)])
+def test_what_got_stuck_is_fitted_again_where_it_could_become_the_best(
+    bench, found, monkeypatch, nominal: float, free: bool, again: bool
+) -> None:
+    damping, spring = bench.effect("viscous_friction"), bench.effect("cubic_spring")
+    best = bench.fit("viscous_friction", 0.05)
+    found.add([best])
+    found.nominal = dataclasses.replace(bench.nominal, chi2=nominal * bench.nominal.chi2)
+    found.score = dataclasses.replace(found.score, free=frozenset({damping.key} if free else ()))
+    stuck = dataclasses.replace(
+        best, effects=(damping, spring), values=(*best.values, np.array([0.3])), chi2=best.chi2 + 30.0
+    )
+    asked: list[int] = []
+    fit = Shooting.fit
+
+    def listen(self, sets, *arguments, **options):
+        asked.append(len(sets))
+        return [stuck, stuck] if len(asked) == 1 else fit(self, sets, *arguments, **options)
+
+    monkeypatch.setattr(Shooting, "fit", listen)
+    compare(bench.shooting, found, [(stuck.effects, stuck.values)] * 2, best)
+    assert asked == [2, *([1] if again else [])]  # once for both
+    found.add([resting(stuck.effects, np.zeros(2), best)])
+    asked.clear()
+    monkeypatch.setattr(Shooting, "fit", lambda *a, **k: asked.append(1) or [resting(stuck.effects, np.zeros(2), best)])
+    found.fits = [one for one in found.fits if len(one.effects) < 2]
+    compare(bench.shooting, found, [(stuck.effects, stuck.values)], best)
+    assert asked == [1]  # what rests is left alone

@@ -151,3 +151,20 @@ def test_a_set_that_was_fitted_is_not_fitted_again_unless_it_failed(bench) -> No
     own, other = (fit.effects, fit.values), ((bench.effect("quadratic_drag"),), (np.array([0.01]),))
     assert _besides([own, other], fit) == [other]
     assert _besides([own, other], dataclasses.replace(fit, chi2=np.inf)) == [own, other]
+
+
+@pytest.mark.parametrize("early", [True, False])
+def test_noise_that_was_found_louder_is_the_floor_from_then_on(bench, monkeypatch, early: bool) -> None:
+    if early:
+        for name in ("_ENOUGH", "_FEWEST"):
+            monkeypatch.setattr(f"torch_activegp.diagnosis.explain.{name}", 1.0)
+    floors: list[NoiseModel] = []
+
+    def louder(shooting, fit, floor, last=False):
+        floors.append(floor)
+        return NoiseModel(1.5 * shooting.noise.scale, shooting.noise.colour) if len(floors) == 1 else None
+
+    monkeypatch.setattr("torch_activegp.diagnosis.explain.noise_behind", louder)
+    explain(bench.machine, some(bench), 1)
+    assert len(floors) == 2
+    np.testing.assert_allclose(floors[1].scale, 1.5 * floors[0].scale)

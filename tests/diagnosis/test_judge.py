@@ -7,6 +7,7 @@ import pytest
 
 from torch_activegp.diagnosis.compared import Selection
 from torch_activegp.diagnosis.judge import SEEN, _may_be_coloured, as_one, as_two, judge, omnibus
+from torch_activegp.diagnosis.noise_model import NoiseModel
 from torch_activegp.diagnosis.score import Score
 
 
@@ -226,3 +227,22 @@ def test_noise_may_be_coloured_where_it_is_seen_or_could_not_be_but_a_video_is_j
     assert not _may_be_coloured(dataclasses.replace(shooting, segments=dataclasses.replace(slow, runs=videos)))
     coloured = dataclasses.replace(shooting.noise, colour=np.ones_like(shooting.noise.colour))
     assert _may_be_coloured(dataclasses.replace(shooting, noise=coloured))
+
+
+def test_a_slight_colour_of_the_noise_makes_no_set_inadequate(bench, monkeypatch) -> None:
+    """Half of what is missing was explained, and what is left is correlated: physics, or a filtered encoder's noise."""
+    fit = bench.fit("quadratic_drag", 0.02)
+    found = selection(bench, fit)
+    plain = judge(bench.shooting, found)
+    assert plain.verdict == "unknown"
+    seen = []
+
+    def louder(shooting, best):
+        seen.append(best)
+        return NoiseModel(100.0 * shooting.noise.scale, shooting.noise.colour)
+
+    monkeypatch.setattr("torch_activegp.diagnosis.judge.recoloured", louder)
+    judged = judge(bench.shooting, found)
+    assert seen == [found.best]
+    assert judged.verdict == "named"
+    assert judged.unexplained < plain.unexplained

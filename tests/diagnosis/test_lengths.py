@@ -1,5 +1,7 @@
 from __future__ import annotations
 
+import dataclasses
+
 import numpy as np
 import pytest
 
@@ -42,3 +44,32 @@ def test_another_bar_halves_others_and_does_not_fit_the_longest_again(bench, for
     sizes.clear()
     assert not longest(bench.machine, forms, noise, 1e9, near).halved
     assert not sizes
+
+
+def test_segments_are_not_cut_shorter_than_they_may_be(bench, forms) -> None:
+    found = longest(bench.machine, forms, bench.shooting.noise, -1.0).segments
+    seconds = found.dt[:, 0] * np.diff(found.scored, axis=1)[:, 0]
+    assert 0.7 * 0.25 < seconds.min() <= seconds.max() <= 1.5 * 0.25 + 0.02
+
+
+def test_segments_over_which_errors_grow_are_halved(bench, forms, monkeypatch) -> None:
+    monkeypatch.setattr(lengths, "_GROWTH", 0.0)
+    assert longest(bench.machine, forms, bench.shooting.noise, np.inf).halved
+
+
+@pytest.mark.parametrize("better", ["coarse", "late"])
+def test_the_cheap_form_by_which_the_nominal_follows_better_is_kept(bench, forms, monkeypatch, better: str) -> None:
+    form, fit = getattr(forms, better), lengths._nominal
+    assert form is not None
+
+    def worse(shooting):
+        found = fit(shooting)
+        return found if shooting.engine is form else dataclasses.replace(found, chi2=2.0 * found.chi2)
+
+    monkeypatch.setattr(lengths, "_nominal", worse)
+    found = longest(bench.machine, forms, bench.shooting.noise, 1.0)
+    assert found.form is form
+    used = []
+    monkeypatch.setattr(lengths, "_nominal", lambda shooting: used.append(shooting.engine) or fit(shooting))
+    assert longest(bench.machine, forms, bench.shooting.noise, 1.0, found).form is form
+    assert set(map(id, used)) == {id(form)}

@@ -5,7 +5,7 @@ import dataclasses
 import numpy as np
 import pytest
 
-from torch_activegp.diagnosis.noise_floor import noise_floor
+from torch_activegp.diagnosis.noise_floor import hides_filters, noise_floor
 from torch_activegp.diagnosis.noise_model import NoiseModel
 
 
@@ -46,6 +46,18 @@ def test_a_short_run_a_broken_one_and_a_slow_one_count_as_white(make_plain_run) 
     slow = dataclasses.replace(whole, time=whole.time * 2)
     for run in (make_plain_run(noise[:200]), broken, slow):
         assert not noise_floor([run]).colour.any()
+
+
+def test_filters_hide_where_no_spectrum_shows_them(make_plain_run) -> None:
+    white, rng = 1e-3 * filtered((0.0, 0.0), 1000), np.random.default_rng(1)
+    whole = make_plain_run(motion(1000) + white)
+    assert not hides_filters([whole], 0)
+    broken = make_plain_run(motion(1000) + white, recorded=rng.random(1000) > 0.2)
+    short = make_plain_run((motion(1000) + white)[:200])
+    slow = dataclasses.replace(whole, time=4 * whole.time)
+    assert all(hides_filters([run], 0) for run in (broken, short, slow))
+    assert not hides_filters([broken, whole], 0)
+    assert not hides_filters([dataclasses.replace(slow, video=True)], 0)
 
 
 def test_the_errors_of_a_video_last(make_plain_run) -> None:

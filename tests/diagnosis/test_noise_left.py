@@ -124,8 +124,8 @@ def test_noise_that_differences_would_show_louder_or_quieter_is_no_filters(clean
     assert noise_behind(*with_noise(clean, floor, 1e-3, 0.7)) is None
 
 
-@pytest.mark.parametrize("hertz", [0.5, 2.0, 6.0])
-@pytest.mark.parametrize("size", [1e-3, 3e-3, 1e-2])
+@pytest.mark.parametrize("hertz", [0.5, 2.0, 6.0, 8.0])
+@pytest.mark.parametrize("size", [1e-3, 1.5e-3, 3e-3, 1e-2])
 def test_slow_errors_of_physics_beside_white_noise_are_no_filters(clean, hertz: float, size: float) -> None:
     shooting, fit = with_noise(clean, 1e-3, 1e-3)
     rng = np.random.default_rng(7)
@@ -135,6 +135,21 @@ def test_slow_errors_of_physics_beside_white_noise_are_no_filters(clean, hertz: 
     segments = dataclasses.replace(shooting.segments, position=shooting.segments.position + slow)
     bent = dataclasses.replace(shooting, segments=segments)
     assert noise_behind(bent, bent.fit([((), ())], fit.starts)[0]) is None
+
+
+@pytest.mark.parametrize("pole", [0.7, 0.88])
+def test_a_filter_that_the_recordings_would_show_is_no_excuse(clean, monkeypatch, pole: float) -> None:
+    monkeypatch.setattr("torch_activegp.diagnosis.noise_left.hides_filters", lambda runs, channel: False)
+    floor = 1e-3 * np.sqrt((1 - pole**2) * high_differences((pole, 0.0)))
+    assert noise_behind(*with_noise(clean, floor, 1e-3, pole)) is None
+
+
+def test_noise_whose_colour_is_known_is_not_made_louder(clean) -> None:
+    floor = 1e-3 * np.sqrt((1 - 0.7**2) * high_differences((0.7, 0.0)))
+    shooting, fit = with_noise(clean, floor, 1e-3, 0.7)
+    other = dataclasses.replace(shooting, noise=NoiseModel(shooting.noise.scale, np.array([[0.2, 0.0]])))
+    assert noise_behind(other, fit, shooting.noise) is None
+    assert noise_behind(shooting, fit, other.noise) is None
 
 
 def test_a_floor_is_raised_where_the_noise_is_louder() -> None:
@@ -163,6 +178,20 @@ def test_white_noise_and_noise_of_a_known_colour_stay_as_they_are(clean) -> None
     kept = recoloured(dataclasses.replace(shooting, noise=known), fit)
     np.testing.assert_array_equal(kept.colour, known.colour)
     np.testing.assert_array_equal(kept.scale, known.scale)
+
+
+def test_a_strong_colour_is_no_slight_one(clean) -> None:
+    assert not recoloured(*with_noise(clean, 1e-3, 1e-3, 0.8)).colour.any()
+
+
+def test_a_periodic_error_is_not_taken_for_a_slight_colour(clean) -> None:
+    shooting, fit = with_noise(clean, 1.2e-3, 1e-3)
+    time = np.arange(shooting.segments.intervals + 1) / 100
+    wave = 1e-3 * np.sin(2 * np.pi * 8.0 * time)[None, :, None]
+    bent = dataclasses.replace(
+        shooting, segments=dataclasses.replace(shooting.segments, position=shooting.segments.position + wave)
+    )
+    assert not recoloured(bent, bent.fit([((), ())], fit.starts)[0]).colour.any()
 
 
 def test_slow_errors_of_physics_are_not_taken_for_a_slight_colour(clean) -> None:

@@ -142,8 +142,9 @@ def compare(
         selection.add(fits)
         selection.rescale(shooting.dof)
         far = selection.score(selection.best) + selection.score.slack
-        tried = {frozenset(fit.effects): selection.of(fit.effects) or fit for fit in fits if not fit.at_rest}
-        stuck = [fit for fit in tried.values() if selection.may_become_best(fit, shooting.dof)]
+        tried = {frozenset(fit.effects): selection.of(fit.effects) or fit for fit in fits}  # the best of each set
+        hopes = (fit for fit in tried.values() if selection.may_become_best(fit, shooting.dof))
+        stuck = [fit for fit in hopes if not fit.at_rest]
         selection.add([better for fit in stuck if (better := _from_within(shooting, selection, fit, far)) is not None])
     selection.rescale(shooting.dof)
     selection.lighten()

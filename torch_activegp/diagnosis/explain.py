@@ -31,7 +31,7 @@ _TOO_FAR = 400.0
 """The same for the names in the end."""
 _LIKE = 1.5
 """Numerics are not chosen again for noise of the same colour that differs by less than this factor."""
-_QUIETER = 3
+_ANEW = 3
 """How often noise is taken anew behind what all data say."""
 _ENOUGH = 600.0
 """Chi2 above the noise by which the first names are found, on a part of the data where there is twice as much,"""
@@ -118,8 +118,8 @@ def explain(
             start = _with_noise(machine, numerics, start, sets, start.free, other, tell)
         tell("naming on all data")
         selection = select_from(start)
-        for number in range(_QUIETER):
-            other = noise_behind(start.shooting, selection.best, floor, last=number == _QUIETER - 1)
+        for number in range(_ANEW):
+            other = noise_behind(start.shooting, selection.best, floor, last=number == _ANEW - 1)
             if other is None:
                 break
             floor = raised(floor, other)

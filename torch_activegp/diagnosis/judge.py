@@ -135,8 +135,7 @@ def judge(shooting: Shooting, selection: Selection) -> Judgement:
         verdict = "unknown" if _visible(shooting, before) else "none"
         share = 1.0 if verdict == "unknown" else 0.0
         return Judgement(verdict, best, (), (), (), (), (), share, verdict == "none", before.p_value, rivals)
-    behind = dataclasses.replace(shooting, noise=recoloured(shooting, best))
-    after = omnibus(behind, best)
+    after = omnibus(dataclasses.replace(shooting, noise=recoloured(shooting, best)), best)
     unexplained = after.excess / max(after.excess + gain, 1e-300)
     white = after.p_value > SURE
     named, retuned = _split(shooting, selection, rivals)
@@ -155,7 +154,7 @@ def judge(shooting: Shooting, selection: Selection) -> Judgement:
     p_value = min(before.p_value, float(stats.chi2.sf(gain / score.scale, best.size)) * score.names)
     crowded = len(order) >= MAX_EFFECTS and unexplained > (CROWDED if len(order) == MAX_EFFECTS else OVERCROWDED)
     seen = SEEN if len(order) < MANY else SEEN_BEHIND_MANY
-    most = seen if _visible(behind, after) else INADEQUATE
+    most = seen if _visible(shooting, after) else INADEQUATE
     if best.chi2 > LOUD * shooting.dof:
         most = min(most, SEEN_LOUD)
     if after.p_value < DOUBT and (unexplained > most or crowded):

@@ -46,6 +46,17 @@ def noise_floor(runs: Sequence[Run]) -> NoiseModel:
     return NoiseModel(np.hypot(own.scale, _carried(runs)), own.colour)
 
 
+def hides_filters(runs: Sequence[Run], channel: int) -> bool:
+    """Whether a filter in an encoder would show nowhere in the recordings.
+
+    They are too slow, too short or miss too many rows for a spectrum above the motion, no excitation repeats, and they
+    are not said to be videos.
+    """
+    if any(run.video for run in runs) or noise_from_periods(runs, channel) is not None:
+        return False
+    return _lowest(runs) > _NARROW or all(_spectrum(run, channel) is None for run in runs)
+
+
 def finest(runs: Sequence[Run]) -> Array:
     """The least noise of each channel, ``(C,)``: a part of the motion within runs."""
     return np.asarray(_FINEST * np.sqrt(np.mean([run.position.var(axis=0) for run in runs], axis=0)))
@@ -85,7 +96,7 @@ def _colour(runs: Sequence[Run], channel: int) -> tuple[tuple[float, float], flo
         return None
     frequency = spectra[0][0]
     power = np.median([p for _, p in spectra], axis=0)
-    lowest = max(_LOWEST, _MOTION * median_step(runs))
+    lowest = _lowest(runs)
     if lowest > _NARROW:
         return None
     third = (0.5 - lowest) / 3
@@ -105,6 +116,11 @@ def _colour(runs: Sequence[Run], channel: int) -> tuple[tuple[float, float], flo
     level = NoiseModel(np.ones(1), np.array([poles])).innovation[0]
     # a one-sided density at unit sampling rate: white noise of variance v has 2 v
     return poles, float(np.sqrt(np.exp(misfits[poles][1]) / 2.0) / level)
+
+
+def _lowest(runs: Sequence[Run]) -> float:
+    """Where the band above the machine's motion begins, in parts of the sampling rate."""
+    return max(_LOWEST, _MOTION * median_step(runs))
 
 
 def _spectrum(run: Run, channel: int) -> tuple[Array, Array] | None:

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from torch_activegp.diagnosis.fit import Fit
-from torch_activegp.diagnosis.noise_floor import finest
+from torch_activegp.diagnosis.noise_floor import finest, hides_filters
 from torch_activegp.diagnosis.noise_model import (
     SEEN,
     NoiseModel,
@@ -28,12 +28,15 @@ _LEAST = 200
 """Fewer values of a channel say too little."""
 _SAME_HIGH = (0.8, 1.25)
 """A colour explains a floor where the variance that it shows to high differences is that of the floor, times this:
-1.0 to 1.15 for filtered noise behind dropped rows, 0.65 to 0.8 for what physics left beside white noise,"""
-_FRESH = 0.12
-"""and where what is new correlates with what was new before by less: 0.07 for the one, 0.2 to 0.3 for the other."""
+1.0 to 1.15 for filtered noise behind dropped rows, 0.65 to 0.8 for what physics left beside white noise."""
+_FRESH, _LAGS = 0.12, 15
+"""And where what is new correlates with what was new up to so many values before by less: 0.07 for filtered noise, 0.2
+to 0.3 for physics. A periodic error shows after a period."""
+_CHANCE = 4.0
+"""Standard deviations of what chance makes of a correlation."""
 _LOUDER = 1.2
-_AS_LOUD = 1.15
-"""Floors are known to so much, in variance."""
+_AS_LOUD, _SLIGHT = 1.15, 0.4
+"""Floors are known to so much, in variance; the pole of a slight colour."""
 
 
 def noise_behind(
@@ -46,9 +49,9 @@ def noise_behind(
     noise from above. Where it is no noise of any colour, and far less than was thought, the closest colour stands in:
     what was hidden shows, and the noise is looked at again behind it.
 
-    Nor can a floor see a filter where the recording is slow or rows are missing. What is left may be physics, so noise
-    is louder than the floor in one case alone: what is new in what is left is white, and so loud that high differences
-    would show just that floor.
+    Nor can a floor see a filter in recordings that are slow, short, or miss rows. What is left may be physics, so noise
+    is louder than the floor in one case alone: there, what is new in what is left is white, and so loud that high
+    differences would show just that floor.
 
     Args:
         shooting: the likelihood.
@@ -64,7 +67,9 @@ def noise_behind(
     found = False
     for channel, left in enumerate(_left(shooting, fit)):
         own, first = _of(old, channel), _of(floor or old, channel)
-        new = _quieter(left, own, first, last) or _filtered(left, own, first)
+        new = _quieter(left, own, first, last)
+        if new is None and (filtered := _filtered(left, own, first)) is not None:
+            new = filtered if hides_filters(shooting.segments.runs, channel) else None
         if new is not None:
             found = True
             scale[channel], colour[channel] = np.sqrt(new[1]) / colour_scale(new[0]), new[0]
@@ -86,8 +91,9 @@ def recoloured(shooting: Shooting, fit: Fit) -> NoiseModel:
     for channel, left in enumerate(_left(shooting, fit)):
         thought, poles = _of(noise, channel), left.colour()
         new, before = left.innovation(poles), left.innovation(thought.poles)
-        slight = not any(thought.poles) and before < _AS_LOUD * thought.innovation
-        if slight and any(poles) and is_white([*left.fresh(poles)], _FRESH):
+        no_louder = not any(thought.poles) and before < _AS_LOUD * thought.innovation
+        slight = 0.0 < poles[0] <= _SLIGHT and poles[1] == 0.0
+        if no_louder and slight and left.is_white_behind(poles):
             scale[channel], colour[channel] = np.sqrt(new) / colour_scale(poles), poles
     return NoiseModel(scale, colour)
 
@@ -131,7 +137,7 @@ def _filtered(left: _Left, thought: _Noise, floor: _Noise) -> _Noise | None:
     if any(floor.poles) or any(thought.poles) or not any(poles) or new < _LOUDER * thought.innovation:
         return None
     shown = new * high_differences(poles) / floor.innovation
-    same = _SAME_HIGH[0] < shown < _SAME_HIGH[1] and is_white([*left.fresh(poles)], _FRESH)
+    same = _SAME_HIGH[0] < shown < _SAME_HIGH[1] and left.is_white_behind(poles)
     return _Noise(poles, new) if same else None
 
 
@@ -178,3 +184,7 @@ class _Left:
     def innovation(self, poles: tuple[float, float]) -> float:
         """Variance of what is new."""
         return max(float((self.fresh(poles) ** 2).sum() / self._usable.sum()) / self._freed, self._least, 1e-300)
+
+    def is_white_behind(self, poles: tuple[float, float]) -> bool:
+        """Whether what is new is white, strictly."""
+        return is_white([*self.fresh(poles)], max(_FRESH, _CHANCE / np.sqrt(self.count)), _LAGS)

@@ -111,15 +111,16 @@ def likeliest(innovation: Callable[[tuple[float, float]], float], count: int) ->
     return poles if misfit[poles] < misfit[0.0, 0.0] - SEEN else (0.0, 0.0)
 
 
-def is_white(fresh: Sequence[Array], most: float = CORRELATED) -> bool:
+def is_white(fresh: Sequence[Array], most: float = CORRELATED, lags: int = 3) -> bool:
     """Whether what is new in a value says nothing about the next ones, in series of such values, zero where unknown.
 
     Args:
         fresh: the series.
         most: correlation, at most.
+        lags: how many values later.
     """
     total = sum(float(f @ f) for f in fresh)
-    return all(abs(sum(float(f[lag:] @ f[:-lag]) for f in fresh)) <= most * total for lag in (1, 2, 3))
+    return all(abs(sum(float(f[lag:] @ f[:-lag]) for f in fresh)) <= most * total for lag in range(1, lags + 1))
 
 
 def high_differences(poles: tuple[float, float]) -> float:
