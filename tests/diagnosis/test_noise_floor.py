@@ -55,7 +55,8 @@ def test_filters_hide_where_no_spectrum_shows_them(make_plain_run) -> None:
     broken = make_plain_run(motion(1000) + white, recorded=rng.random(1000) > 0.2)
     short = make_plain_run((motion(1000) + white)[:200])
     slow = dataclasses.replace(whole, time=4 * whole.time)
-    assert all(hides_filters([run], 0) for run in (broken, short, slow))
+    uneven = dataclasses.replace(whole, time=whole.time + 2e-3 * rng.random(1000))
+    assert all(hides_filters([run], 0) for run in (broken, short, slow, uneven))
     assert not hides_filters([broken, whole], 0)
     assert not hides_filters([dataclasses.replace(slow, video=True)], 0)
 

@@ -49,12 +49,12 @@ def noise_floor(runs: Sequence[Run]) -> NoiseModel:
 def hides_filters(runs: Sequence[Run], channel: int) -> bool:
     """Whether a filter in an encoder would show nowhere in the recordings.
 
-    They are too slow, too short or miss too many rows for a spectrum above the motion, no excitation repeats, and they
-    are not said to be videos.
+    They are too slow, too short, too uneven or miss too many rows for a spectrum above the motion, no excitation
+    repeats, and they are not said to be videos.
     """
     if any(run.video for run in runs) or noise_from_periods(runs, channel) is not None:
         return False
-    return _lowest(runs) > _NARROW or all(_spectrum(run, channel) is None for run in runs)
+    return _lowest(runs) > _NARROW or all(_uneven(run) or _spectrum(run, channel) is None for run in runs)
 
 
 def finest(runs: Sequence[Run]) -> Array:
@@ -123,11 +123,16 @@ def _lowest(runs: Sequence[Run]) -> float:
     return max(_LOWEST, _MOTION * median_step(runs))
 
 
+def _uneven(run: Run) -> bool:
+    """Whether a run is sampled at uneven times; what is left of its motion hides part of the noise then."""
+    return bool(np.ptp(run.dt) > _JITTER * np.median(run.dt))
+
+
 def _spectrum(run: Run, channel: int) -> tuple[Array, Array] | None:
     if run.recorded.mean() < _COMPLETE or len(run) < 2 * _WINDOW:
         return None
     values = run.position[:, channel]
-    if np.ptp(run.dt) > _JITTER * np.median(run.dt):  # sampled at uneven times, a motion looks like noise: take it out
+    if _uneven(run):  # sampled at uneven times, a motion looks like noise: take it out
         speed = run.velocity[:, channel]
         values = values - np.concatenate([[0.0], np.cumsum(0.5 * (speed[1:] + speed[:-1]) * run.dt)])
     frequency, power = signal.welch(
