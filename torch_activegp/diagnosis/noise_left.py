@@ -49,9 +49,9 @@ def noise_behind(
     noise from above. Where it is no noise of any colour, and far less than was thought, the closest colour stands in:
     what was hidden shows, and the noise is looked at again behind it.
 
-    Nor can a floor see a filter in recordings that are slow, short or uneven, or miss rows. What is left may be physics,
-    so noise is louder than the floor in one case alone: there, what is new in what is left is white, and so loud that
-    high differences would show just that floor.
+    Nor can a floor see a filter in recordings that are slow, short or uneven, or miss rows. What is left may be
+    physics, so noise is louder than the floor in one case alone: there, what is new in what is left is white, and so
+    loud that high differences would show just that floor.
 
     Args:
         shooting: the likelihood.
