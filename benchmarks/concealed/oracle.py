@@ -14,16 +14,16 @@ from benchmarks.concealed.run import Way, digest
 from benchmarks.concealed.translation import Form, forms_of, sets_of, true_forms
 from torch_activegp.data import load_recordings
 from torch_activegp.diagnosis.engine import Engine
-from torch_activegp.diagnosis.explain import PAD, ROWS, SECONDS
 from torch_activegp.diagnosis.fit import Fit
 from torch_activegp.diagnosis.forecast import compare
+from torch_activegp.diagnosis.lengths import uncut
 from torch_activegp.diagnosis.machine import Machine, make_machine
 from torch_activegp.diagnosis.noise_floor import noise_floor
 from torch_activegp.diagnosis.noise_model import NoiseModel
 from torch_activegp.diagnosis.numerics import Numerics
 from torch_activegp.diagnosis.places import effects_for
 from torch_activegp.diagnosis.runs import median_step
-from torch_activegp.diagnosis.segments import Segments, cut
+from torch_activegp.diagnosis.segments import Segments
 from torch_activegp.diagnosis.shooting import Shooting
 from torch_activegp.diagnosis.source import read_source
 from torch_activegp.physics import Effect
@@ -50,13 +50,12 @@ class Case:
         """Read a case."""
         train, test = (load_recordings(sorted(folder.glob(f"{role}_*.csv"))) for role in ("train", "test"))
         machine = make_machine(read_source(str(folder / "model.xml")).model, train, test)
-        seconds = max(SECONDS, ROWS * median_step(machine.fit))
         return cls(
             machine,
             effects_for(machine.model, machine.channels, machine.fit),
             Numerics.of(machine, nthread=1),
             noise_floor(machine.fit),
-            cut(machine.fit, seconds, PAD),
+            uncut(machine),
         )
 
     def engines(self) -> Iterator[Engine]:
