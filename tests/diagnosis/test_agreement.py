@@ -8,6 +8,7 @@ import pytest
 from torch_activegp.diagnosis import agreement
 from torch_activegp.diagnosis.agreement import Rival, first_close
 from torch_activegp.diagnosis.engine import Engine
+from torch_activegp.diagnosis.shooting import Shooting
 
 
 @pytest.fixture
@@ -47,6 +48,18 @@ def test_where_nothing_is_close_the_precise_fit_is_taken_as_it_is(clean, forms, 
     working, judged = first_close(precise, (few, many), exact, exact)
     assert working is precise and judged is exact
     assert many.work - before == many.steps_in(clean.segments)  # the correction of the other form alone
+
+
+@pytest.mark.parametrize(("own", "fits"), [(True, 1), (False, 2)])
+def test_a_form_that_stands_for_itself_is_fitted_once(clean, forms, monkeypatch, own, fits) -> None:
+    """It has no correction that could be taken anew where its fit has ended."""
+    few, _, many = forms
+    count, fit = [], Shooting.fit
+    monkeypatch.setattr(agreement, "chained", lambda _, judged: judged)
+    monkeypatch.setattr(Shooting, "fit", lambda *a, **k: count.append(1) or fit(*a, **k))
+    far = dataclasses.replace(clean.nominal, chi2=1e6)
+    agreement.settled(dataclasses.replace(clean.shooting, engine=many if own else few), many, far)
+    assert len(count) == fits
 
 
 def test_a_rival_is_judged_by_what_no_initial_state_takes_away(clean, forms) -> None:

@@ -106,19 +106,42 @@ def test_a_joint_that_friction_holds_may_begin_at_rest() -> None:
     assert again.chi2 / shooting.dof < 1.1
 
 
-def test_each_joint_of_several_may_be_the_one_at_rest() -> None:
+def test_each_joint_of_several_that_creeps_may_be_the_one_at_rest() -> None:
+    """But none that moves fast: nothing holds it there."""
     xml = STUCK.replace(
         "</body></worldbody>",
         '<body><joint name="y" axis="0 1 0"/><geom size=".1" pos="0 0 .2"/></body></body></worldbody>',
     )
     time = np.arange(101) / 100
-    columns = {"time": time, "qpos.x": np.sin(5.0 * time), "qpos.y": np.cos(4.0 * time), "ctrl.coil": 0.0 * time}
+    held = np.where(time < 0.6, 0.01 * time, 3.0 * (time - 0.6))
+    columns = {"time": time, "qpos.x": held, "qpos.y": held[::-1].copy(), "ctrl.coil": 0.0 * time}
     recording = Recording.from_columns("moves", columns)
     machine = make_machine(mujoco.MjModel.from_xml_string(xml), [recording], [recording])
     engine = Engine(machine.model, machine.channels, 10, 1)
-    shooting = Shooting(engine, cut(machine.fit, 0.25, 0.1), NoiseModel.white(np.array([1e-3, 1e-3])))
+    shooting = Shooting(engine, cut(machine.fit, 0.2, 0.1), NoiseModel.white(np.array([1e-3, 1e-3])))
     smooth = engine.starts(shooting.segments)
-    assert smooth.all(axis=0)[2:].all()
-    moving = [(start[:, 2:] != 0.0).all(axis=0).tolist() for start in _at_rest(shooting)]
-    assert moving == [[False, False], [False, True], [True, False]]
+    creeps = np.abs(smooth[:, 2:]) < 0.3
+    assert creeps.any(axis=0).all()
+    assert not creeps.all(axis=0).any()
+    still = [start[:, 2:] == 0.0 for start in _at_rest(shooting)]
+    for found, joints in zip(still, ([True, True], [True, False], [False, True]), strict=True):
+        np.testing.assert_array_equal(found, creeps & joints)
     assert all((start[:, :2] == smooth[:, :2]).all() for start in _at_rest(shooting))
+
+
+def test_nothing_is_tried_twice(ram, monkeypatch) -> None:
+    """Where no segment before leads elsewhere than in the round before, and at rest, a second round finds the same."""
+    tried: list[tuple[int, bytes]] = []
+    fit_segments = Shooting.fit
+
+    def listen(self, sets, starts, *args, **kwargs):
+        if kwargs.get("hold"):
+            firsts = self.segments.run, self.segments.first
+            tried.extend((int(first), start.tobytes()) for _, first, start in zip(*firsts, starts, strict=True))
+        return fit_segments(self, sets, starts, *args, **kwargs)
+
+    fit = ram.fit([((), ())], ram.engine.starts(ram.segments))[0]
+    monkeypatch.setattr(Shooting, "fit", listen)
+    chained(ram, fit)
+    assert tried
+    assert len(set(tried)) == len(tried)

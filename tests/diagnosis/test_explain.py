@@ -11,6 +11,7 @@ from torch_activegp.diagnosis.explain import _besides, _Start, _with_noise, expl
 from torch_activegp.diagnosis.lengths import Lengths
 from torch_activegp.diagnosis.noise_model import NoiseModel
 from torch_activegp.diagnosis.numerics import Numerics
+from torch_activegp.diagnosis.selection import select
 
 NAMES = ("viscous_friction", "coulomb_friction", "constant_force", "actuator_delay")
 
@@ -131,6 +132,52 @@ def test_numerics_are_not_looked_at_behind_names_that_leave_most_of_the_mismatch
     found = explain(bumpy.machine, tried, 1)
     assert found.selection.best.effects
     assert (sum(behind) == 1) == lost  # behind the first names, for others may come on top
+
+
+def test_what_is_weak_is_looked_for_by_the_numerics_seen_behind_the_names(bench, monkeypatch) -> None:
+    order, choose = [], Numerics.choose
+    monkeypatch.setattr(Numerics, "choose", lambda *a, **k: order.append("numerics") or choose(*a, **k))
+    monkeypatch.setattr(
+        "torch_activegp.diagnosis.explain.also_weak", lambda _, selection, *__: order.append("weak") or selection
+    )
+    explain(bench.machine, some(bench), 1)
+    assert order == ["numerics", "numerics", "weak"]
+
+
+@pytest.mark.parametrize("weak", [1, 5])
+def test_numerics_are_looked_at_again_behind_weak_names_but_not_for_ever(bench, monkeypatch, weak) -> None:
+    """Each search for what is weak finds another set here, ``weak`` times."""
+    order, choose = [], Numerics.choose
+
+    def find(shooting, selection, *_):
+        order.append("weak")
+        if order.count("weak") > weak:
+            return selection
+        more = bench.effect("constant_force" if order.count("weak") % 2 else "coulomb_friction")
+        friction = bench.effect("viscous_friction")
+        found = shooting.fit([((friction, more), (np.array([0.05]), np.array([1e-3])))], selection.best.starts)
+        return dataclasses.replace(selection, fits=found)
+
+    monkeypatch.setattr(Numerics, "choose", lambda *a, **k: order.append("numerics") or choose(*a, **k))
+    monkeypatch.setattr("torch_activegp.diagnosis.explain.also_weak", find)
+    explain(bench.machine, some(bench), 1)
+    assert order == ["numerics", *["numerics", "weak"] * min(weak + 1, 3)]
+
+
+@pytest.mark.parametrize("short", [True, False])
+def test_numerics_are_not_looked_at_behind_a_search_that_was_cut_short(bench, monkeypatch, short) -> None:
+    """What nothing on the list explains says nothing of numerics either; and no rivals are fitted to their end."""
+    sought, known, choose = select, [], Numerics.choose
+
+    def stop(*args, **kwargs):
+        selection = sought(*args, **kwargs)
+        selection.cut_short = short
+        return selection
+
+    monkeypatch.setattr("torch_activegp.diagnosis.explain.select", stop)
+    monkeypatch.setattr(Numerics, "choose", lambda *a, **k: known.append(len(a) > 6) or choose(*a, **k))
+    explain(bench.machine, some(bench), 1)
+    assert known.count(True) == (not short)
 
 
 def test_a_coarse_time_step_is_not_taken_for_a_delay(clean) -> None:

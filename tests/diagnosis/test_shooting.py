@@ -6,8 +6,8 @@ import mujoco
 import numpy as np
 import pytest
 
-from torch_activegp.diagnosis import shooting as module
-from torch_activegp.diagnosis.engine import NOMINAL, Candidate, Engine
+from torch_activegp.diagnosis import advance as module
+from torch_activegp.diagnosis.engine import Candidate, Engine
 from torch_activegp.diagnosis.gauss_newton import Problem
 from torch_activegp.diagnosis.race import Race
 from torch_activegp.diagnosis.shooting import Shooting
@@ -273,34 +273,3 @@ def test_held_parameters_leave_segments_that_have_settled_alone(bench, monkeypat
     assert all(only[2] for only in partly[:1])
     assert sum(only.sum() for only in partly) < 0.5 * len(partly) * bench.segments.size
     assert again.chi2 == pytest.approx(bench.nominal.chi2, abs=1.0)
-
-
-@pytest.mark.parametrize(("wanted", "asked"), [(1, [1, 8]), (4, [4, 8]), (5, [8]), (8, [8])])
-def test_what_wants_most_segments_is_simulated_with_the_others(bench, monkeypatch, wanted, asked) -> None:
-    seen: list[int] = []
-    predict = Engine.predict
-
-    def listen(self, segments, starts, candidates):
-        seen.append(segments.size)
-        return predict(self, segments, starts, candidates)
-
-    monkeypatch.setattr(Engine, "predict", listen)
-    all_of_them = _Wants(bench, None)
-    some = _Wants(bench, np.arange(bench.segments.size) < wanted)
-    bench.shooting._advance([all_of_them, some], last=False)
-    assert seen == asked
-    np.testing.assert_array_equal(some.told[0, :wanted], all_of_them.told[0, :wanted])
-
-
-class _Wants:
-    """Asks for the nominal in some segments."""
-
-    def __init__(self, bench, only) -> None:
-        self.only, self.starts = only, bench.nominal.starts
-        self.others = np.zeros(bench.nominal.design.shape[:2])
-
-    def ask(self):
-        return [NOMINAL], self.starts[None]
-
-    def tell(self, white, last) -> None:
-        self.told = white

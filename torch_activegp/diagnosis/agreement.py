@@ -99,6 +99,8 @@ def settled(
         judged = working.fit([(judged.effects, judged.values)], judged.starts, near=judged)[0]
         if judged.chi2 > lost:
             return working, judged
+        if working.engine is engine:  # no correction to take anew
+            break
         changed = before - judged.chi2
         near = judged.chi2 < _MUCH * working.dof and changed > 0.0
         if abs(changed) < _SETTLED * judged.chi2 or (number and not near):

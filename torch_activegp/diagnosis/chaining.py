@@ -17,6 +17,8 @@ _STANDS_OUT = 3.0
 _ROUNDS = 3
 _STEPS = 8
 _BETTER = 0.5
+_CREEPS = 0.1
+"""Part of its top speed below which a joint may be at rest where a smoothed recording has it moving."""
 
 
 def chained(shooting: Shooting, fit: Fit) -> Fit:
@@ -30,22 +32,30 @@ def chained(shooting: Shooting, fit: Fit) -> Fit:
         shooting: the likelihood.
         fit: of any set.
     """
-    segments, before = shooting.segments, fit
-    for _ in range(_ROUNDS):
+    segments, before, arrived = shooting.segments, fit, fit.starts
+    for number in range(_ROUNDS):
         level = fit.per_segment / segments.samples
-        which = np.flatnonzero(level > _STANDS_OUT * max(float(np.median(level)), 1.0))
-        if not len(which):
+        out = level > _STANDS_OUT * max(float(np.median(level)), 1.0)
+        if not out.any():
             break
-        known, part = fit, shooting.pick(which)
-        starts = np.stack([_continued(shooting, fit)[which], *_at_rest(part)])
-        others = part.fit([(fit.effects, fit.values)] * len(starts), starts, rounds=_STEPS, hold=True)
-        best = np.argmin([other.per_segment for other in others], axis=0)
-        for number, other in enumerate(others):
-            better = (best == number) & (other.per_segment < known.per_segment[which] - _BETTER)
-            fit = _with(fit, which[better], other.pick(better)) if better.any() else fit
+        known, arrives = fit, _continued(shooting, fit)
+        fit = _tried(shooting, fit, out & (arrives != arrived).any(axis=1), arrives)
+        for still in [] if number else _at_rest(shooting):  # the same again in later rounds
+            fit = _tried(shooting, fit, out & (still != known.starts).any(axis=1), still)
         if fit is known:
             break
+        arrived = arrives
     return shooting.fit([(fit.effects, fit.values)], fit.starts)[0] if fit is not before and fit.effects else fit
+
+
+def _tried(shooting: Shooting, fit: Fit, where: NDArray[np.bool_], starts: Array) -> Fit:
+    """The fit with some of its segments ``(S,)`` begun at some states ``(S, n)`` where that is better."""
+    if not where.any():
+        return fit
+    which = np.flatnonzero(where)
+    other = shooting.pick(which).fit([(fit.effects, fit.values)], starts[which], rounds=_STEPS, hold=True)[0]
+    better = other.per_segment < fit.per_segment[which] - _BETTER
+    return _with(fit, which[better], other.pick(better)) if better.any() else fit
 
 
 def _with(fit: Fit, which: NDArray[np.int64], part: Fit) -> Fit:
@@ -69,10 +79,14 @@ def _continued(shooting: Shooting, fit: Fit) -> Array:
 
 
 def _at_rest(shooting: Shooting) -> list[Array]:
-    """The smoothed recording with all joints at rest, and with each of several, ``(S, n)``."""
-    smooth, dofs = shooting.engine.starts(shooting.segments), shooting.engine.channels.dof
+    """The smoothed recording with all joints at rest that creep, and with each of several, ``(S, n)``."""
+    smooth, nq = shooting.engine.starts(shooting.segments), shooting.engine.model.nq
+    dofs = nq + np.asarray(shooting.engine.channels.dof)
+    creeps = np.abs(smooth[:, dofs]) < _CREEPS * shooting.state_reach()[dofs]
     out = []
     for still in [dofs, *([dof] for dof in dofs if len(dofs) > 1)]:
-        out.append(smooth.copy())
-        out[-1][:, shooting.engine.model.nq + np.asarray(still)] = 0.0
+        chosen = np.isin(dofs, still) & creeps
+        if chosen.any():
+            out.append(smooth.copy())
+            out[-1][:, dofs] = np.where(chosen, 0.0, smooth[:, dofs])
     return out

@@ -33,6 +33,8 @@ _LIKE = 1.5
 """Numerics are not chosen again for noise of the same colour that differs by less than this factor."""
 _ANEW = 3
 """How often noise is taken anew behind what all data say."""
+_AGAIN = 3
+"""How often numerics are looked at again behind new names."""
 _ENOUGH = 600.0
 """Chi2 above the noise by which the first names are found, on a part of the data where there is twice as much,"""
 _FEWEST = 12
@@ -125,7 +127,7 @@ def explain(
             floor = raised(floor, other)
             start = _with_noise(machine, numerics, start, _leaders(selection), selection.score.free, other, tell)
             selection = select_from(start)
-        return start, also_weak(start.shooting, selection, effects, tell)
+        return start, selection
 
     def finish() -> Explanation:
         return _finish(numerics, effects, *keep.once("naming on all data", name), tell)
@@ -213,19 +215,24 @@ def _finish(
     numerics: Numerics, effects: Sequence[Effect], start: _Start, selection: Selection, tell: Tell
 ) -> Explanation:
     """Looks at the numerics once more behind the effects, unless chosen behind just these, or these explain little."""
-    engine, shooting = start.engine, start.shooting
-    best, leaders = selection.best, _leaders(selection)
-    if best.effects and not _is_of(start.first, best.effects) and not hopeless(selection, shooting):
-        known = (engine, shooting)
-        again, other, bare, judged = numerics.choose(
-            shooting.segments, shooting.noise, best, start.nominal, leaders, known
-        )
-        if again is not engine:
-            engine, shooting = again, other
-            tell("naming with the numerics seen behind the effects")
-            rest = _besides(leaders, judged)
-            selection = select(shooting, effects, bare, rest, judged, tell, selection.score.free)
-            selection = also_weak(shooting, selection, effects, tell)
+    engine, shooting, judged = start.engine, start.shooting, start.first
+    for _ in range(_AGAIN):
+        best, leaders = selection.best, _leaders(selection)
+        settled = _is_of(judged, best.effects) or not best.effects
+        if not (settled or selection.cut_short or hopeless(selection, shooting)):
+            known = (engine, shooting)
+            again, other, bare, judged = numerics.choose(
+                shooting.segments, shooting.noise, best, start.nominal, leaders, known
+            )
+            if again is not engine:
+                engine, shooting = again, other
+                tell("naming with the numerics seen behind the effects")
+                rest = _besides(leaders, judged)
+                selection = select(shooting, effects, bare, rest, judged, tell, selection.score.free)
+        weak = also_weak(shooting, selection, effects, tell)
+        if weak is selection:
+            break
+        selection = weak
     polish(shooting, selection, effects)
     fine, firm = engine is not numerics.given, numerics.sticks(engine)
     return Explanation(engine, shooting, selection, tuple(effects), fine, firm)

@@ -35,7 +35,8 @@ class Problem:
     before it does: a fit, for one round. A trial that is new in a part of the segments says in which, `only`, ``(S,)``,
     and `others` holds the residuals of the rest. Derivatives may come from a fit of another set near by; they are
     computed anew where they mislead. Its states too: segments that are far off in the beginning try the smoothed
-    recording in their place. `best` is the best point so far.
+    recording in their place. `best` is the best point so far. Of what is asked for the first is the point itself, its
+    residuals may be `known`; the rest is for derivatives, which may be `lent` by a cheap simulation until they mislead.
     """
 
     def __init__(
@@ -59,7 +60,7 @@ class Problem:
         self._low, self._high = bounds(effects)
         self._trial = np.clip(np.concatenate([np.zeros(0), *values]), self._low, self._high)
         self._trial_starts = starts.copy()
-        self._damping = _FIRST_DAMPING
+        self._damping, self._predicted = _FIRST_DAMPING, 0.0
         self.best: Point | None = None
         self._hold = hold or not len(self._trial)
         self._settling = 0 if self._hold or self._design is None else SETTLE
@@ -68,11 +69,12 @@ class Problem:
         self._brakes, self._raw, self._taken = Brakes(len(starts)), np.zeros(0), np.zeros(0)
         self._differences: Differences
         self._linear: Eliminated
-        self.finished = self._known = self._smoothed = False
+        self.finished = self._smoothed = False
+        self.lent = shooting.lends
         self.only: NDArray[np.bool_] | None = None
+        self.known: Array | None = None
         self.others: Array
         self._kept: Problem | None = None
-        self._predicted = 0.0
         self._stale = self._design is not None
         self._age, self._detours = int(self._stale), 0
 
@@ -92,8 +94,7 @@ class Problem:
 
         Derivatives are computed anew only where the last step has changed much.
         """
-        self._known = False
-        flat, starts = self._trial, self._trial_starts
+        flat, starts, self.known = self._trial, self._trial_starts, None
         if self._design is not None and self._still:
             self._columns = np.zeros((*self._design.shape[:2], 0))
         if self._design is not None and self._columns is not None:
@@ -102,14 +103,13 @@ class Problem:
         self._differences = Differences.of(self.effects, flat, moved, None if self._still else self._given)
         candidates, states = self._differences.candidates(self.effects, flat, starts)
         at = self.best
-        self._known = at is not None and flat is at.flat and starts is at.starts and len(candidates) > 1
-        return candidates[self._known :], states[self._known :]
+        if at is not None and flat is at.flat and starts is at.starts and len(candidates) > 1:
+            self.known = self._raw
+        return candidates, states
 
     def tell(self, white: Array, last: bool) -> None:
         """Takes the whitened residuals of what was asked for and makes the next trial."""
         self.only = None
-        if self._known:
-            white = np.concatenate([self._raw[None], white])
         residual = white[0].copy()  # a view would keep all of what was asked for
         per_segment = np.nan_to_num((residual**2).sum(-1), nan=FAILED, posinf=FAILED)
         first, alone = self.best is None, self.best is not None and len(white) == 1
@@ -195,6 +195,7 @@ class Problem:
         if not last and (misled or (fell > _MUCH * self.chi2 and self._age > _STALE)):
             self._trial_starts, self.finished = starts, False
             self._design = self._columns = None
+            self.lent &= not misled
         elif not self.finished:
             self._propose()
             self.only, self.others = self._brakes.moving(self._linear, self.best.per_segment), self._raw
@@ -203,7 +204,7 @@ class Problem:
     def _take_derivatives(self, white: Array, by: Differences) -> Array:
         if self._design is None:
             self._design = by.by_states(white)
-            self._age, self._stale = 0, False
+            self._age, self._stale = int(self.lent), self.lent
             self._brakes = Brakes(len(white[0]))
         given = {} if self._still else self._given
         self._columns, self._taken = by.by_parameters(white, given), self._trial
@@ -255,6 +256,7 @@ class Problem:
             return
         if self._age and not last:
             self._design = self._columns = None
+            self.lent = False
             self._trial, self._trial_starts = self.best.flat, self.best.starts
             return
         if self._smooth is not None and not last and self._detours < _DETOURS and self._predicted > _HOPE * self.chi2:

@@ -21,6 +21,11 @@ class Likelihood(Protocol):
         """The segments."""
         ...
 
+    @property
+    def lends(self) -> bool:
+        """Whether derivatives come from another simulation than the residuals."""
+        ...
+
     def state_columns(self, starts: Array) -> Array:
         """Perturbations of the initial states worth trying, ``(n,)``."""
         ...

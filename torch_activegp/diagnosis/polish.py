@@ -38,6 +38,8 @@ def polish(shooting: Shooting, selection: Selection, effects: Sequence[Effect]) 
         if again.plausible and gained > -_SETTLED:  # also where it gains nothing: its derivatives say how sure it is
             selection.fits = [again if fit is best else fit for fit in selection.fits]
             best = again
+        if selection.cut_short:  # nothing on the list explains what is missing: rivals would not, either
+            break
         stuck = min(_SHORT * best.chi2, _OF_THE_GAIN * (selection.nominal.chi2 - best.chi2))
         short = max(2.0 * gained, 0.0 if number else stuck, 0.0)
         reach = selection.score(best) + _RIVAL + short / selection.score.scale

@@ -43,7 +43,7 @@ _CHEAP = 60
 """So many fits of one segment cost little: where there are few segments, more is fitted than looks best."""
 _COMPANY = 40
 _ROUNDS = 10
-_PATIENCE = 30e6
+_PATIENCE = 20e6
 """Cases that end right compute a few million time steps for a search, and 18 million at most. What no effect on the
 list explains would compute ever more."""
 _MORE = 20.0

@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 
 import numpy as np
 from numpy.typing import NDArray
 
+from torch_activegp.diagnosis.advance import advance
 from torch_activegp.diagnosis.candidate import Candidate
 from torch_activegp.diagnosis.engine import Engine
 from torch_activegp.diagnosis.fit import Fit
@@ -20,9 +21,9 @@ from torch_activegp.physics.effect import Effect
 
 ROUNDS = 30
 """Simulations of a fit at most, one after the other; where joints stick and slip, 20 ended half-way."""
+_LENDS = 3.0
+"""Times the steps of the cheap engine from which on derivatives of fits come from it."""
 _COLOUR_UNSEEN = 1 / 67
-_MOST = 0.5
-"""Part of the segments from which on all of them are simulated: sets side by side cost less than one by one."""
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
@@ -47,6 +48,12 @@ class Shooting:
     def differences(self) -> Engine:
         """The engine for differences between simulations."""
         return self.cheap or self.engine
+
+    @property
+    def lends(self) -> bool:
+        """Whether derivatives of fits come from the cheap engine: where that takes less than a third of the steps."""
+        cheap, own = (engine.steps_in(self.segments) for engine in (self.differences, self.engine))
+        return _LENDS * cheap <= own
 
     @property
     def work(self) -> float:
@@ -173,28 +180,10 @@ class Shooting:
         for number in range(rounds + 1):
             if not running:
                 break
-            self._advance(running.values(), last=number == rounds)
+            advance(self, running.values(), last=number == rounds)
             if race is not None:
                 race.give_up(list(running.values()), list(ended.values()), only_misled=number < SETTLE + 2)
             for i in [i for i, problem in running.items() if problem.finished]:
                 ended[i] = running.pop(i).result()  # and lets go of what the fit needed
         ended |= {i: problem.result() for i, problem in running.items()}
         return [ended[i] for i in range(len(sets))]
-
-    def _advance(self, problems: Iterable[Problem], last: bool) -> None:
-        """Simulates what some problems ask for, side by side where they want all segments, and tells them."""
-        whole: list[tuple[Problem, list[Candidate], Array]] = []
-        for problem in problems:
-            candidates, states = problem.ask()
-            if problem.only is None or problem.only.mean() > _MOST:
-                whole.append((problem, candidates, states))
-                continue
-            white = problem.others[None].copy()
-            white[:, problem.only] = self.pick(problem.only).residuals_from(states[:, problem.only], candidates)
-            problem.tell(white, last)
-        if not whole:
-            return
-        white = self.residuals_from(np.concatenate([s for _, _, s in whole]), [c for _, cs, _ in whole for c in cs])
-        for problem, candidates, _ in whole:
-            problem.tell(white[: len(candidates)], last)
-            white = white[len(candidates) :]

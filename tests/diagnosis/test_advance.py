@@ -1,0 +1,121 @@
+from __future__ import annotations
+
+import dataclasses
+
+import mujoco
+import numpy as np
+import pytest
+
+from torch_activegp.diagnosis.advance import advance
+from torch_activegp.diagnosis.engine import NOMINAL, Engine
+from torch_activegp.diagnosis.shooting import Shooting
+
+
+@pytest.fixture
+def asked(monkeypatch) -> list[tuple[int, int, int]]:
+    """Substeps, segments and candidates of every simulation."""
+    seen: list[tuple[int, int, int]] = []
+    predict = Engine.predict
+
+    def listen(self, segments, starts, candidates):
+        seen.append((self.substeps, segments.size, len(candidates)))
+        return predict(self, segments, starts, candidates)
+
+    monkeypatch.setattr(Engine, "predict", listen)
+    return seen
+
+
+@pytest.mark.parametrize(("wanted", "sizes"), [(1, [1, 8]), (4, [4, 8]), (5, [8]), (8, [8])])
+def test_what_wants_most_segments_is_simulated_with_the_others(bench, asked, wanted, sizes) -> None:
+    all_of_them = _Wants(bench, None)
+    some = _Wants(bench, np.arange(bench.segments.size) < wanted)
+    advance(bench.shooting, [all_of_them, some], last=False)
+    assert [size for _, size, _ in asked] == sizes
+    np.testing.assert_array_equal(some.told[0, :wanted], all_of_them.told[0, :wanted])
+
+
+@pytest.mark.parametrize("known", [False, True])
+@pytest.mark.parametrize("lent", [False, True])
+def test_what_is_moved_is_simulated_cheaply_where_a_fit_takes_that(fast, bench, asked, known, lent) -> None:
+    plain, wants = _Wants(bench, None, count=3), _Wants(bench, None, count=3, lent=lent)
+    residual = bench.shooting.residual_of(bench.nominal)
+    wants.known = residual if known else None
+    advance(bench.shooting, [plain], last=False)
+    asked.clear()
+    advance(fast, [wants], last=False)
+    cheap = [] if not lent else [(1, 8, 3)]
+    precise = [(2, 8, (not known) + (0 if lent else 2))] * (not (known and lent))
+    assert asked == precise + cheap
+    np.testing.assert_allclose(wants.told[0], residual, atol=1e-6)
+    steps, exact = wants.told[1:] - wants.told[0], plain.told[1:] - plain.told[0]
+    assert np.abs(exact).max() > 1.0
+    np.testing.assert_allclose(steps, exact, atol=0.1 * np.abs(exact).max())
+    assert bool(np.abs(steps - exact).max() > 1e-6) is lent
+
+
+def test_where_the_cheap_simulation_fails_the_precise_one_lends(fast, bench, asked, monkeypatch) -> None:
+    residuals = Shooting.residuals
+    monkeypatch.setattr(
+        Shooting,
+        "residuals",
+        lambda self, predicted: residuals(self, predicted) * (np.nan if self.cheap is self.engine else 1),
+    )
+    wants = _Wants(bench, None, count=3, lent=True)
+    advance(fast, [wants], last=False)
+    assert wants.lent is False
+    assert [(steps, count) for steps, _, count in asked] == [(2, 1), (1, 3), (2, 2)]
+    assert np.isfinite(wants.told).all()
+
+
+def test_derivatives_by_a_cheap_engine_lead_to_the_same_optimum(fast, bench) -> None:
+    """By half of the time steps of the truth, with an integrator of first order."""
+    alone, lent = bench.fit("viscous_friction", 0.3), fast.fit(_viscous(bench), bench.nominal.starts)[0]
+    assert fast.lends
+    assert lent.chi2 == pytest.approx(alone.chi2, abs=0.5)
+    np.testing.assert_allclose(lent.values[0], alone.values[0], rtol=2e-3)
+    assert not np.array_equal(lent.columns, alone.columns)
+
+
+@pytest.mark.parametrize(("times", "lends"), [(7.0, True), (9.0, False)])
+def test_a_cheap_engine_that_saves_little_lends_nothing(fast, monkeypatch, times, lends) -> None:
+    """The precise one takes eight times its steps here."""
+    monkeypatch.setattr("torch_activegp.diagnosis.shooting._LENDS", times)
+    assert fast.lends is lends
+
+
+def test_derivatives_that_mislead_are_taken_anew_by_the_precise_engine(bench, asked) -> None:
+    """Where gravity points upwards."""
+    model = mujoco.MjModel.from_xml_string(bench.xml)
+    model.opt.gravity[2] *= -3.0
+    wrong = Engine(model, bench.machine.channels, 1, 1, int(mujoco.mjtIntegrator.mjINT_EULER))
+    shooting = dataclasses.replace(bench.shooting, cheap=wrong)
+    fit = shooting.fit(_viscous(bench), bench.nominal.starts)[0]
+    assert any(substeps == 2 and count > 1 for substeps, _, count in asked)
+    assert fit.chi2 == pytest.approx(bench.fit("viscous_friction", 0.3).chi2, abs=1.0)
+
+
+@pytest.fixture
+def fast(bench) -> Shooting:
+    """The same likelihood with derivatives from semi-implicit Euler in twice the time step."""
+    euler = Engine(bench.machine.model, bench.machine.channels, 1, 1, int(mujoco.mjtIntegrator.mjINT_EULER))
+    return dataclasses.replace(bench.shooting, cheap=euler)
+
+
+def _viscous(bench) -> list:
+    return [((bench.effect("viscous_friction"),), (np.array([0.3]),))]
+
+
+class _Wants:
+    """Asks for the nominal in some segments, and with its states moved."""
+
+    def __init__(self, bench, only, count: int = 1, lent: bool = False) -> None:
+        self.only, self.lent, self.known = only, lent, None
+        self.states = np.repeat(bench.nominal.starts[None], count, axis=0)
+        self.states += 1e-2 * np.arange(count)[:, None, None]
+        self.others = np.zeros(bench.nominal.design.shape[:2])
+
+    def ask(self):
+        return [NOMINAL] * len(self.states), self.states
+
+    def tell(self, white, last) -> None:
+        self.told = white
