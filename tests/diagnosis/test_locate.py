@@ -1,5 +1,7 @@
 from __future__ import annotations
 
+import dataclasses
+
 import mujoco
 import numpy as np
 import pytest
@@ -80,6 +82,25 @@ def test_the_region_of_a_named_effect_is_where_it_acts_as_far_as_that_was_seen(b
     for over, within in (("qpos.hip", (10.5, np.inf)), ("ctrl.drive", (-1.0, 1.0))):  # past all; seen nowhere
         (entry,) = entries(found, 1000.0, {"hip": Acting("hip", over, (within,))})
         assert list(entry["region"]) == ["qvel.hip"]
+
+
+def test_what_lies_beyond_the_middle_of_the_data_belongs_to_the_outer_bins() -> None:
+    """A limit of a drive, or a stop, acts on the last hundredth of the rows, where a histogram has no bin."""
+    wide = dataclasses.replace(region("hip", [0, 0, 0, 0, 0, 0, 0, 0, 4.0, 5.0], gain=500.0), reach=(-2.0, 14.0))
+    assert wide.interval == (8.0, 14.0)
+    assert wide.energy(11.5, 14.0) == pytest.approx(0.5 * 50.0 * 25.0)
+    assert wide.energy(-np.inf, np.inf) == pytest.approx(50.0 * (16.0 + 25.0))
+    (entry,) = entries([wide], 1000.0, {"hip": Acting("hip", "qpos.a", ((12.0, np.inf),))})
+    assert entry["region"] == {"qpos.a": [12.0, 14.0]}
+    flat = dataclasses.replace(region("a", [1.0] * 10), reach=(-2.0, 14.0))
+    assert entries([flat], 1000.0)[0]["region"] == {"qpos.a": [-2.0, 14.0]}
+
+
+def test_the_reach_of_a_variable_is_all_that_was_seen(bench) -> None:
+    control = bench.segments.take("control")[..., 0]
+    (found,) = (r for r in locate(bench.shooting, bench.nominal) if r.over == "ctrl.drive")
+    assert found.reach == (control.min(), control.max())
+    assert found.edges[0] > control.min() and found.edges[-1] < control.max()
 
 
 def test_two_sides_are_two_entries_and_the_second_comes_last() -> None:

@@ -40,6 +40,7 @@ class Region:
         gain: what a force in these bins would explain.
         p_value: that it is noise.
         adjusted: false-discovery-rate adjusted p-value.
+        reach: least and largest value of the variable; the first and the last bin hold what lies beyond the edges too.
     """
 
     joint: str
@@ -51,11 +52,19 @@ class Region:
     gain: float
     p_value: float
     adjusted: float = 1.0
+    reach: tuple[float, float] = (np.inf, -np.inf)
+
+    @property
+    def bounds(self) -> Array:
+        """The edges, the outer ones as far out as anything was seen, ``(n + 1,)``."""
+        first, last = min(self.reach[0], self.edges[0]), max(self.reach[1], self.edges[-1])
+        return np.array([first, *self.edges[1:-1], last])
 
     def energy(self, low: float, high: float) -> float:
-        """Energy of the force in the bins whose middle lies in an interval."""
-        middle = 0.5 * (self.edges[1:] + self.edges[:-1])
-        return float((self.force**2 * self.count)[(middle >= low) & (middle <= high)].sum())
+        """Energy of the force in an interval, evenly spread in each bin."""
+        begin, end = self.bounds[:-1], self.bounds[1:]
+        inside = np.clip(np.minimum(end, high) - np.maximum(begin, low), 0.0, None) / (end - begin)
+        return float((self.force**2 * self.count * inside).sum())
 
     @property
     def interval(self) -> tuple[float, float] | None:
@@ -69,7 +78,7 @@ class Region:
         a, b = min(cells, key=lambda cell: self.edges[cell[1]] - self.edges[cell[0]])
         if self.edges[b] - self.edges[a] > _WHOLE * (self.edges[-1] - self.edges[0]):
             return None
-        return float(self.edges[a]), float(self.edges[b])
+        return float(self.bounds[a]), float(self.bounds[b])
 
 
 def locate(shooting: Shooting, fit: Fit) -> list[Region]:
@@ -94,7 +103,8 @@ def locate(shooting: Shooting, fit: Fit) -> list[Region]:
             spread = np.sqrt(np.maximum(np.diag(invert(normal, 1e-8)), 0.0))
             count = indicators.sum(axis=(0, 1))
             p_value = float(stats.chi2.sf(gain, len(force)))
-            regions.append(Region(joint, over, edges, force, spread, count, gain, p_value))
+            reach = float(values.min()), float(values.max())
+            regions.append(Region(joint, over, edges, force, spread, count, gain, p_value, reach=reach))
     adjusted = stats.false_discovery_control([max(r.p_value, 1e-300) for r in regions])
     return [dataclasses.replace(r, adjusted=float(a)) for r, a in zip(regions, adjusted, strict=True)]
 
@@ -152,7 +162,7 @@ def _known(
     _, over, within = known[joint]
     for seen in regions:
         if (seen.joint, seen.over) == (joint, over):
-            first, last = float(seen.edges[0]), float(seen.edges[-1])
+            first, *_, last = map(float, seen.bounds)
             cut = [(max(low, first), min(high, last)) for low, high in within]
             inside = [(low, high) for low, high in cut if low < high]
             return (seen, inside) if inside else None
@@ -163,7 +173,7 @@ def _local(best: Region, own: Sequence[Region]) -> tuple[Region, list[tuple[floa
     """Of the variables that explain nearly as much as the best one, one whose force is only somewhere."""
     local = [r for r in own if r.interval is not None and r.gain > _NEARLY * best.gain]
     chosen = max(local, key=lambda r: r.gain) if local else best
-    return chosen, [chosen.interval or (float(chosen.edges[0]), float(chosen.edges[-1]))]
+    return chosen, [chosen.interval or (float(chosen.bounds[0]), float(chosen.bounds[-1]))]
 
 
 def _variables(shooting: Shooting, linear: Linearization) -> dict[str, Array]:
