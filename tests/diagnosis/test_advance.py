@@ -7,7 +7,10 @@ import numpy as np
 import pytest
 
 from torch_activegp.diagnosis.advance import advance
+from torch_activegp.diagnosis.compared import Selection
 from torch_activegp.diagnosis.engine import NOMINAL, Engine
+from torch_activegp.diagnosis.polish import polish
+from torch_activegp.diagnosis.score import Score
 from torch_activegp.diagnosis.shooting import Shooting
 
 
@@ -74,6 +77,31 @@ def test_derivatives_by_a_cheap_engine_lead_to_the_same_optimum(fast, bench) -> 
     assert lent.chi2 == pytest.approx(alone.chi2, abs=0.5)
     np.testing.assert_allclose(lent.values[0], alone.values[0], rtol=2e-3)
     assert not np.array_equal(lent.columns, alone.columns)
+
+
+def test_far_from_the_noise_a_fit_does_not_end_on_derivatives_that_were_lent(fast, bench) -> None:
+    """A rotor for a friction: where the cheap derivatives promise nothing more, the precise ones still do."""
+    rotor = [((bench.effect("armature_error"),), (np.array([0.001]),))]
+    alone, lent = (shooting.fit(rotor, bench.nominal.starts)[0] for shooting in (bench.shooting, fast))
+    assert alone.chi2 > 2 * bench.shooting.dof
+    assert lent.chi2 == pytest.approx(alone.chi2, abs=0.1)
+
+
+def test_the_last_fit_has_its_own_derivatives(fast, bench) -> None:
+    friction = bench.effect("viscous_friction")
+    found = fast.fit(_viscous(bench), bench.nominal.starts)[0]
+    chosen = Selection(bench.nominal, [bench.nominal, found], Score(bench.shooting.samples, 5, 1.0))
+    polish(fast, chosen, [friction])
+    alone = bench.shooting.fit([(found.effects, found.values)], found.starts)[0]
+    np.testing.assert_allclose(chosen.best.information, alone.information, rtol=1e-5)
+    assert abs(found.information[0, 0] / alone.information[0, 0] - 1.0) > 5e-4
+
+
+def test_work_is_counted_once(bench) -> None:
+    shooting = dataclasses.replace(bench.shooting, cheap=bench.engine)
+    before = bench.engine.work, shooting.work
+    shooting.predicted(bench.nominal)
+    assert shooting.work - before[1] == bench.engine.work - before[0] > 0.0
 
 
 @pytest.mark.parametrize(("times", "lends"), [(7.0, True), (9.0, False)])

@@ -106,8 +106,9 @@ def test_a_joint_that_friction_holds_may_begin_at_rest() -> None:
     assert again.chi2 / shooting.dof < 1.1
 
 
-def test_each_joint_of_several_that_creeps_may_be_the_one_at_rest() -> None:
-    """But none that moves fast: nothing holds it there."""
+@pytest.fixture(scope="module")
+def creeping() -> Shooting:
+    """Two joints of which first one, then both, then the other one hardly moves."""
     xml = STUCK.replace(
         "</body></worldbody>",
         '<body><joint name="y" axis="0 1 0"/><geom size=".1" pos="0 0 .2"/></body></body></worldbody>',
@@ -118,30 +119,40 @@ def test_each_joint_of_several_that_creeps_may_be_the_one_at_rest() -> None:
     recording = Recording.from_columns("moves", columns)
     machine = make_machine(mujoco.MjModel.from_xml_string(xml), [recording], [recording])
     engine = Engine(machine.model, machine.channels, 10, 1)
-    shooting = Shooting(engine, cut(machine.fit, 0.2, 0.1), NoiseModel.white(np.array([1e-3, 1e-3])))
-    smooth = engine.starts(shooting.segments)
+    return Shooting(engine, cut(machine.fit, 0.2, 0.1), NoiseModel.white(np.array([1e-3, 1e-3])))
+
+
+def test_each_joint_of_several_that_creeps_may_be_the_one_at_rest(creeping) -> None:
+    """But none that moves fast: nothing holds it there."""
+    shooting, smooth = creeping, creeping.engine.starts(creeping.segments)
     creeps = np.abs(smooth[:, 2:]) < 0.3
     assert creeps.any(axis=0).all()
     assert not creeps.all(axis=0).any()
-    still = [start[:, 2:] == 0.0 for start in _at_rest(shooting)]
-    for found, joints in zip(still, ([True, True], [True, False], [False, True]), strict=True):
-        np.testing.assert_array_equal(found, creeps & joints)
-    assert all((start[:, :2] == smooth[:, :2]).all() for start in _at_rest(shooting))
+    both = creeps.all(axis=1)
+    assert 0 < both.sum() < len(both)
+    masks = [creeps, *(creeps & both[:, None] & np.array(joints) for joints in ([True, False], [False, True]))]
+    for (start, where), mask in zip(_at_rest(shooting), masks, strict=True):
+        np.testing.assert_array_equal(start[:, 2:], np.where(mask, 0.0, smooth[:, 2:]))
+        np.testing.assert_array_equal(where, mask.any(axis=1))
+        np.testing.assert_array_equal(start[:, :2], smooth[:, :2])
 
 
-def test_nothing_is_tried_twice(ram, monkeypatch) -> None:
+@pytest.mark.parametrize("joints", [1, 2])
+def test_nothing_is_tried_twice(ram, creeping, monkeypatch, joints) -> None:
     """Where no segment before leads elsewhere than in the round before, and at rest, a second round finds the same."""
-    tried: list[tuple[int, bytes]] = []
+    shooting, tried = (ram, creeping)[joints - 1], []
     fit_segments = Shooting.fit
 
     def listen(self, sets, starts, *args, **kwargs):
         if kwargs.get("hold"):
-            firsts = self.segments.run, self.segments.first
-            tried.extend((int(first), start.tobytes()) for _, first, start in zip(*firsts, starts, strict=True))
+            where = self.segments.run, self.segments.first
+            tried.extend((int(first), start.tobytes()) for _, first, start in zip(*where, starts, strict=True))
         return fit_segments(self, sets, starts, *args, **kwargs)
 
-    fit = ram.fit([((), ())], ram.engine.starts(ram.segments))[0]
+    fit = shooting.fit([((), ())], shooting.engine.starts(shooting.segments))[0]
+    tried += [(int(s), start.tobytes()) for s, start in zip(shooting.segments.first, fit.starts, strict=True)]
     monkeypatch.setattr(Shooting, "fit", listen)
-    chained(ram, fit)
-    assert tried
+    monkeypatch.setattr("torch_activegp.diagnosis.chaining._STANDS_OUT", 0.0 if joints == 2 else 3.0)
+    chained(shooting, fit)
+    assert len(tried) > shooting.segments.size + 2
     assert len(set(tried)) == len(tried)

@@ -17,6 +17,30 @@ def found(bench) -> Selection:
     return Selection(bench.nominal, [bench.nominal], Score(bench.shooting.samples, 20, 1.0))
 
 
+@pytest.mark.parametrize("free", [False, True])
+def test_beside_something_else_what_a_modeller_tunes_comes_first_of_what_nothing_tells_apart(bench, free) -> None:
+    """Unless it is no name at all; alone, the better one comes first."""
+    wave, spring, rotor = (bench.effect(name) for name in ("cogging", "linear_spring", "armature_error"))
+    assert rotor.tunable and not (wave.tunable or spring.tunable)
+
+    def first(rotors: tuple, springs: tuple, behind: float) -> bool:
+        score = Score(samples=400, names=10, scale=1.0, free=frozenset({rotor.key}) if free else frozenset())
+        price = [score.price(effects) for effects in (rotors, springs)]
+        fits = [
+            dataclasses.replace(
+                bench.nominal, effects=effects, values=tuple(np.asarray(e.seeds[0]) for e in effects), chi2=chi2 - p
+            )
+            for effects, chi2, p in zip((rotors, springs), (900.0 + behind, 900.0), price, strict=True)
+        ]
+        selection = Selection(bench.nominal, fits, score)
+        assert selection.ranked()[0] is selection.best
+        return selection.best is fits[0]
+
+    assert first((wave, rotor), (wave, spring), 0.1) is not free
+    assert not first((wave, rotor), (wave, spring), 0.3)
+    assert not first((rotor,), (spring,), 0.1)
+
+
 def test_what_no_machine_can_have_is_not_chosen(bench) -> None:
     stribeck = bench.effect("stribeck_friction")
     wet = bench.fit("viscous_friction", 0.05)
@@ -104,6 +128,8 @@ def test_a_set_is_dominated_by_a_smaller_one_that_fits_better(bench, effects, si
 
 class _First:
     """A score by which one fit is the best."""
+
+    free: frozenset[tuple[str, str]] = frozenset()
 
     def __init__(self, fit) -> None:
         self.fit = fit

@@ -1,5 +1,6 @@
 from __future__ import annotations
 
+import copy
 import dataclasses
 
 import mujoco
@@ -162,6 +163,31 @@ def test_numerics_are_looked_at_again_behind_weak_names_but_not_for_ever(bench, 
     monkeypatch.setattr("torch_activegp.diagnosis.explain.also_weak", find)
     explain(bench.machine, some(bench), 1)
     assert order == ["numerics", *["numerics", "weak"] * min(weak + 1, 3)]
+
+
+def test_behind_numerics_that_take_a_part_of_the_data_all_goes_on_with_that_part(bench, monkeypatch) -> None:
+    sizes, choose = [], Numerics.choose
+
+    def fewer(self, segments, noise, near, nominal, sets=(), known=None):
+        if known is None:
+            return choose(self, segments, noise, near, nominal, sets)
+        sizes.append((segments.size, len(near.starts), len(nominal.starts)))
+        part = np.arange(segments.size - 1)
+        return copy.copy(known[0]), known[1].pick(part), nominal.pick(part), near.pick(part)
+
+    def find(shooting, selection, *_):
+        if len(sizes) > 1:
+            return selection
+        pair = (bench.effect("viscous_friction"), bench.effect("constant_force"))
+        found = shooting.fit([(pair, (np.array([0.05]), np.array([1e-3])))], selection.best.starts)
+        return dataclasses.replace(selection, fits=found)
+
+    monkeypatch.setattr(Numerics, "choose", fewer)
+    monkeypatch.setattr("torch_activegp.diagnosis.explain.also_weak", find)
+    found = explain(bench.machine, some(bench), 1)
+    every = sizes[0][0]
+    assert sizes == [(every, every, every), (every - 1, every - 1, every - 1)]
+    assert found.shooting.segments.size == every - 2
 
 
 @pytest.mark.parametrize("short", [True, False])

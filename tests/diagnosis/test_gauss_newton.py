@@ -117,7 +117,7 @@ def test_states_that_promise_little_make_room_for_the_parameters(bench) -> None:
     np.testing.assert_array_equal(states[0], nominal.starts)
 
 
-def test_derivatives_that_were_lent_serve_once(bench) -> None:
+def test_derivatives_that_were_given_serve_once(bench) -> None:
     best = bench.fit("viscous_friction", 0.02)
     problem = Problem(bench.shooting, best.effects, best.values, best.starts, near=best, smooth=best.starts)
     assert set(problem._given) == {0}

@@ -28,21 +28,6 @@ def test_the_score_is_chi2_in_units_of_the_noise_and_the_price(bench, scale: flo
     assert score(fit) == pytest.approx(fit.chi2 / scale + score.price(fit.effects) + first)
 
 
-def test_beside_something_else_what_a_modeller_tunes_comes_first_of_what_nothing_tells_apart(bench) -> None:
-    score = Score(samples=400, names=10, scale=1.0)
-    wave, spring = bench.effect("cogging"), bench.effect("linear_spring")
-    rotor = bench.effect("armature_error")
-    assert rotor.tunable and not (wave.tunable or spring.tunable)
-    values = {effect: np.zeros(len(effect.parameters)) for effect in (wave, rotor, spring)}
-
-    def of(*effects) -> float:
-        fit = dataclasses.replace(bench.nominal, effects=effects, values=tuple(values[e] for e in effects))
-        return score(fit) - score.price(effects)
-
-    assert 0.0 < of(wave, spring) - of(wave, rotor) < 1.0
-    assert of(rotor) == pytest.approx(of(spring))
-
-
 def test_what_seems_tuned_costs_its_parameters_alone(bench) -> None:
     score = Score(samples=1000, names=30, scale=1.0, mismatch=1e6)
     effects = [bench.effect("cubic_spring"), bench.effect("viscous_friction")]

@@ -42,21 +42,28 @@ def advance(shooting: Shooting, problems: Iterable[Problem], last: bool) -> None
         problem.tell(white, last)
     points, moves, roughly = [], [], []
     for problem, candidates, states in whole:
-        known, rough = problem.known is not None, problem.lent and len(candidates) > 1
-        points.append((candidates[known:1], states[known:1]))
-        moves.append((candidates[1:], states[1:]) if not rough else ([], states[:0]))
-        roughly.append((candidates, states) if rough else ([], states[:0]))
+        first, rough = int(problem.known is not None), problem.lent and len(candidates) > 1
+        points.append((candidates[first:1], states[first:1]))
+        moves.append(([] if rough else candidates[1:], states[1:]))
+        roughly.append((candidates if rough else [], states))
     exact = _side_by_side(shooting, [*points, *moves])
     cheap = _side_by_side(dataclasses.replace(shooting, engine=shooting.differences), roughly)
-    for number, (problem, candidates, states) in enumerate(whole):
-        point = exact[number] if problem.known is None else problem.known[None]
-        moved, there = exact[len(whole) + number], cheap[number]
-        if len(there) and np.isfinite(there).all():
+    at = [exact[i] if some[0].known is None else some[0].known[None] for i, some in enumerate(whole)]
+    failed = [_failed(*pair) for pair in zip(at, cheap, strict=True)]
+    again = [(c[1:] if lost else [], s[1:]) for (_, c, s), lost in zip(whole, failed, strict=True)]
+    anew = _side_by_side(shooting, again)
+    for number, (problem, _, _) in enumerate(whole):
+        point, there = at[number], cheap[number]
+        moved = anew[number] if failed[number] else exact[len(whole) + number]
+        if len(there) and not failed[number]:
             moved = point + (there[1:] - there[:1])
-        elif len(there):
-            problem.lent = False
-            moved = shooting.residuals_from(states[1:], candidates[1:])
+        problem.lent &= not failed[number]
         problem.tell(np.concatenate([point, moved]) if len(moved) else point, last)
+
+
+def _failed(point: Array, there: Array) -> bool:
+    """Whether some simulations failed in segments in which the one of a point did not."""
+    return len(there) > 0 and not (np.isfinite(there) | ~np.isfinite(point)).all()
 
 
 def _side_by_side(shooting: Shooting, wanted: Sequence[tuple[Sequence[Candidate], Array]]) -> list[Array]:
@@ -64,5 +71,6 @@ def _side_by_side(shooting: Shooting, wanted: Sequence[tuple[Sequence[Candidate]
     candidates = [candidate for some, _ in wanted for candidate in some]
     if not candidates:
         return [np.zeros(0)] * len(wanted)
-    white = shooting.residuals_from(np.concatenate([states for _, states in wanted]), candidates)
+    states = np.concatenate([states for some, states in wanted if some])
+    white = shooting.residuals_from(states, candidates)
     return np.split(white, np.cumsum([len(some) for some, _ in wanted])[:-1])

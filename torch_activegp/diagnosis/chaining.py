@@ -39,9 +39,10 @@ def chained(shooting: Shooting, fit: Fit) -> Fit:
         if not out.any():
             break
         known, arrives = fit, _continued(shooting, fit)
-        fit = _tried(shooting, fit, out & (arrives != arrived).any(axis=1), arrives)
-        for still in [] if number else _at_rest(shooting):  # the same again in later rounds
-            fit = _tried(shooting, fit, out & (still != known.starts).any(axis=1), still)
+        elsewhere = (arrives != arrived).any(axis=1) & (arrives != fit.starts).any(axis=1)
+        fit = _tried(shooting, fit, out & elsewhere, arrives)
+        for still, where in [] if number else _at_rest(shooting):  # the same again in later rounds
+            fit = _tried(shooting, fit, out & where, still)
         if fit is known:
             break
         arrived = arrives
@@ -78,15 +79,20 @@ def _continued(shooting: Shooting, fit: Fit) -> Array:
     return np.where(np.isfinite(starts), starts, fit.starts)
 
 
-def _at_rest(shooting: Shooting) -> list[Array]:
-    """The smoothed recording with all joints at rest that creep, and with each of several, ``(S, n)``."""
+def _at_rest(shooting: Shooting) -> list[tuple[Array, NDArray[np.bool_]]]:
+    """The smoothed recording with all joints at rest that creep, and with each where several do.
+
+    Returns:
+        States ``(S, n)``, and in which segments they are at rest, ``(S,)``.
+    """
     smooth, nq = shooting.engine.starts(shooting.segments), shooting.engine.model.nq
     dofs = nq + np.asarray(shooting.engine.channels.dof)
     creeps = np.abs(smooth[:, dofs]) < _CREEPS * shooting.state_reach()[dofs]
+    several = creeps.sum(axis=1) > 1
+    masks = [creeps, *(creeps & several[:, None] & (dofs == dof) for dof in dofs)]
     out = []
-    for still in [dofs, *([dof] for dof in dofs if len(dofs) > 1)]:
-        chosen = np.isin(dofs, still) & creeps
-        if chosen.any():
-            out.append(smooth.copy())
-            out[-1][:, dofs] = np.where(chosen, 0.0, smooth[:, dofs])
+    for still in (mask for mask in masks if mask.any()):
+        states = smooth.copy()
+        states[:, dofs] = np.where(still, 0.0, smooth[:, dofs])
+        out.append((states, still.any(axis=1)))
     return out

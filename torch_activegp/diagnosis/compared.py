@@ -18,6 +18,9 @@ _AS_MUCH = 0.01
 """Part of what the best set explains."""
 _REMEMBERED = 8
 """Sets whose derivatives are kept, with and without names for what seems tuned: two are developed at a time."""
+_LIKELIER = 0.2
+"""Score by which a set may be worse and comes first for a name that a modeller tunes, where something else is in it:
+beside a cogging a rotor rather than another centre of mass that does the same."""
 _STUCK = 1.0
 """Chi2 by which a fit may end above that of a set that it contains."""
 
@@ -43,7 +46,12 @@ class Selection:
     @property
     def best(self) -> Fit:
         """The set with the best score that a machine can have."""
-        return min((fit for fit in self.fits if fit.plausible), key=self.score)
+        return min((fit for fit in self.fits if fit.plausible), key=self._order)
+
+    def _order(self, fit: Fit) -> float:
+        """The score; of sets that nothing tells apart, the one with more of what a modeller tunes comes first."""
+        tunable = sum(effect.tunable and effect.key not in self.score.free for effect in fit.effects)
+        return self.score(fit) - (_LIKELIER * tunable if tunable < len(fit.effects) else 0.0)
 
     def add(self, fits: Sequence[Fit]) -> list[Fit]:
         """Takes further fits in, and returns those that did not fail."""
@@ -60,7 +68,7 @@ class Selection:
     def ranked(self) -> list[Fit]:
         """Best first, one fit for each set of names and targets."""
         seen: dict[frozenset[tuple[str, str]], Fit] = {}
-        for fit in sorted((fit for fit in self.fits if fit.plausible), key=self.score):
+        for fit in sorted((fit for fit in self.fits if fit.plausible), key=self._order):
             seen.setdefault(fit.keys, fit)
         return list(seen.values())
 

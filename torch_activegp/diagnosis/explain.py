@@ -215,17 +215,17 @@ def _finish(
     numerics: Numerics, effects: Sequence[Effect], start: _Start, selection: Selection, tell: Tell
 ) -> Explanation:
     """Looks at the numerics once more behind the effects, unless chosen behind just these, or these explain little."""
-    engine, shooting, judged = start.engine, start.shooting, start.first
+    engine, shooting, nominal, judged = start.engine, start.shooting, start.nominal, start.first
     for _ in range(_AGAIN):
         best, leaders = selection.best, _leaders(selection)
         settled = _is_of(judged, best.effects) or not best.effects
         if not (settled or selection.cut_short or hopeless(selection, shooting)):
             known = (engine, shooting)
             again, other, bare, judged = numerics.choose(
-                shooting.segments, shooting.noise, best, start.nominal, leaders, known
+                shooting.segments, shooting.noise, best, nominal, leaders, known
             )
             if again is not engine:
-                engine, shooting = again, other
+                engine, shooting, nominal = again, other, bare
                 tell("naming with the numerics seen behind the effects")
                 rest = _besides(leaders, judged)
                 selection = select(shooting, effects, bare, rest, judged, tell, selection.score.free)

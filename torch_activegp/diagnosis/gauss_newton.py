@@ -16,14 +16,14 @@ from torch_activegp.diagnosis.point import FAILED, Likelihood, Point, total
 from torch_activegp.diagnosis.runs import Array
 from torch_activegp.physics.effect import Effect
 
-_FIRST_DAMPING = 1e-6
-_MUCH, _LITTLE = 0.02, 0.05
-_HOPE = 0.01
-SETTLE = 4
+_FIRST_DAMPING, SETTLE = 1e-6, 4
+_MUCH, _LITTLE, _HOPE = 0.02, 0.05, 0.01
 _DETOURS = 2
 """At one point: 120 of 271 first ones led on, 11 of 80 second ones, and 2 of 87 later ones."""
 _STALE = 2
 """Steps with old derivatives by the states, before new ones where the last step still changed much."""
+_FAR = 1.3
+"""Times the noise from which on lent derivatives end elsewhere than precise ones; below, well within the intervals."""
 _ALONE, _SHARE = 1.0, 1e-3
 """Chi2, and part of it, that the states must promise for one more step of theirs or for new derivatives by them."""
 
@@ -50,13 +50,11 @@ class Problem:
         smooth: Array | None = None,
         below: Fit | None = None,
     ) -> None:
-        self.shooting = shooting
-        self._below = inside(effects, values, below)
+        self.shooting, self.effects = shooting, effects
+        self._smooth, self._below = smooth, inside(effects, values, below)
         self.resting: Fit | None = None
         self._given = {} if near is None else near.columns_of(effects, values)
         self._design = None if near is None else near.design
-        self._smooth = smooth
-        self.effects = effects
         self._low, self._high = bounds(effects)
         self._trial = np.clip(np.concatenate([np.zeros(0), *values]), self._low, self._high)
         self._trial_starts = starts.copy()
@@ -90,10 +88,7 @@ class Problem:
         return self._hold or self._settling > 0
 
     def ask(self) -> tuple[list[Candidate], Array]:
-        """A trial alone, or what derivatives at the best point want, or both in the beginning.
-
-        Derivatives are computed anew only where the last step has changed much.
-        """
+        """A trial alone, or what derivatives want where the last step has changed much, or both in the beginning."""
         flat, starts, self.known = self._trial, self._trial_starts, None
         if self._design is not None and self._still:
             self._columns = np.zeros((*self._design.shape[:2], 0))
@@ -126,6 +121,8 @@ class Problem:
                 self._trial_starts = np.where(far[:, None], self._smooth, self._trial_starts)
                 self._smoothed = bool(far.any())
         self._settle(last)
+        if self.finished and self.lent and not last and self.chi2 > _FAR * self._raw.size:
+            self._anew()
 
     def _settle(self, last: bool) -> None:
         """First the states alone, so that what is not smooth does not refuse every step of the parameters."""
@@ -193,9 +190,7 @@ class Problem:
         self._age += 1
         self.finished = last or (fell < 1e-4 * self.chi2 + _LITTLE and halted)
         if not last and (misled or (fell > _MUCH * self.chi2 and self._age > _STALE)):
-            self._trial_starts, self.finished = starts, False
-            self._design = self._columns = None
-            self.lent &= not misled
+            self._anew(misled)
         elif not self.finished:
             self._propose()
             self.only, self.others = self._brakes.moving(self._linear, self.best.per_segment), self._raw
@@ -255,9 +250,7 @@ class Problem:
             self.only, self.others = bad, residual
             return
         if self._age and not last:
-            self._design = self._columns = None
-            self.lent = False
-            self._trial, self._trial_starts = self.best.flat, self.best.starts
+            self._anew()
             return
         if self._smooth is not None and not last and self._detours < _DETOURS and self._predicted > _HOPE * self.chi2:
             self._detours += 1
@@ -265,6 +258,13 @@ class Problem:
             return
         self._shorten()
         self.finished |= last
+
+    def _anew(self, misled: bool = True) -> None:
+        """Goes on from the best point with new derivatives: precise ones where those that there were misled."""
+        assert self.best is not None
+        self._trial, self._trial_starts = self.best.flat, self.best.starts
+        self._design = self._columns = None
+        self.finished, self.lent = False, self.lent and not misled
 
     def _shorten(self) -> None:
         self._damping = max(10.0 * self._damping, 0.5)

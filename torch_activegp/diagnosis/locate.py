@@ -91,7 +91,7 @@ def locate(shooting: Shooting, fit: Fit) -> list[Region]:
     variables = _variables(shooting, linear)
     residual = shooting.residual_of(fit)
     starts = shooting.whiten_columns(linear.respond_to_start())
-    regions = []
+    regions, seen = [], _seen(shooting)
     for channel, joint in enumerate(shooting.engine.channels.joints):
         for over, values in variables.items():
             edges = _edges(values)
@@ -103,8 +103,7 @@ def locate(shooting: Shooting, fit: Fit) -> list[Region]:
             spread = np.sqrt(np.maximum(np.diag(invert(normal, 1e-8)), 0.0))
             count = indicators.sum(axis=(0, 1))
             p_value = float(stats.chi2.sf(gain, len(force)))
-            reach = float(values.min()), float(values.max())
-            regions.append(Region(joint, over, edges, force, spread, count, gain, p_value, reach=reach))
+            regions.append(Region(joint, over, edges, force, spread, count, gain, p_value, reach=seen[over]))
     adjusted = stats.false_discovery_control([max(r.p_value, 1e-300) for r in regions])
     return [dataclasses.replace(r, adjusted=float(a)) for r, a in zip(regions, adjusted, strict=True)]
 
@@ -184,11 +183,26 @@ def _variables(shooting: Shooting, linear: Linearization) -> dict[str, Array]:
         for joint, address in zip(engine.channels.joints, addresses, strict=True):
             along = np.nan_to_num(linear.states[..., address])
             out[f"{kind}.{joint}"] = 0.5 * (along[:, 1:] + along[:, :-1])
-    control = shooting.segments.take("control")
-    for i in range(engine.model.nactuator):
-        first = int(engine.model.actuator_ctrladr[i])
+    return out | _controls(shooting)
+
+
+def _seen(shooting: Shooting) -> dict[str, tuple[float, float]]:
+    """Least and largest position and velocity of each recorded joint and control in the recordings."""
+    engine, segments = shooting.engine, shooting.segments
+    joints = engine.channels.joints
+    columns = {f"qpos.{joint}": segments.take("smooth")[..., c] for c, joint in enumerate(joints)}
+    columns |= {f"qvel.{joint}": segments.take("velocity")[..., c] for c, joint in enumerate(joints)}
+    columns |= _controls(shooting)
+    return {name: (float(values.min()), float(values.max())) for name, values in columns.items()}
+
+
+def _controls(shooting: Shooting) -> dict[str, Array]:
+    """Each control that changes, in every interval, ``(S, K)``."""
+    model, control, out = shooting.engine.model, shooting.segments.take("control"), {}
+    for i in range(model.nactuator):
+        first = int(model.actuator_ctrladr[i])
         if np.ptp(control[..., first]) > 0:
-            out[f"ctrl.{engine.model.actuator(i).name or f'actuator{i}'}"] = control[..., first]
+            out[f"ctrl.{model.actuator(i).name or f'actuator{i}'}"] = control[..., first]
     return out
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 from collections.abc import Sequence
 
 import numpy as np
@@ -31,9 +32,10 @@ def polish(shooting: Shooting, selection: Selection, effects: Sequence[Effect]) 
     Sets that nothing tells apart reach the same chi2 only so, and each may show the others the way; what comes late
     elsewhere is fitted from there too, for it may have been given up in a race.
     """
+    precise = dataclasses.replace(shooting, cheap=None)  # no derivatives but its own
     for number in range(_POLISHES if selection.best.effects else 0):
         best = selection.best
-        again = chained(shooting, shooting.fit([(best.effects, best.values)], best.starts)[0])
+        again = chained(precise, precise.fit([(best.effects, best.values)], best.starts)[0])
         gained = best.chi2 - again.chi2 if again.plausible else 0.0
         if again.plausible and gained > -_SETTLED:  # also where it gains nothing: its derivatives say how sure it is
             selection.fits = [again if fit is best else fit for fit in selection.fits]

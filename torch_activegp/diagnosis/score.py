@@ -24,9 +24,6 @@ filter without phase for instance, and a single gain seems larger than it is."""
 _COLOURED = 1.5
 """Where colour cannot be seen and so many times the noise is left, every name must gain that much more: behind a spring
 and filtered noise at 50 Hz, 2.3 times its floor, a cogging of 108 periods a turn gained 5 beyond its price."""
-_LIKELIER = 0.2
-"""Of sets that nothing tells apart, the one with more of what a modeller tunes comes first where something else is in
-it: beside a cogging a rotor rather than another centre of mass that does the same."""
 _LENIENT = 0.3
 AT_LEAST = 0.9
 """Noise per degree of freedom that any set leaves: often no closer is its level known."""
@@ -60,9 +57,7 @@ class Score:
     def __call__(self, fit: Fit) -> float:
         """Extended BIC; smaller is better."""
         first = (_UNSURE if self.inadequate else TIE) if fit.effects else 0.0
-        tunable = sum(effect.tunable for effect in fit.effects)
-        likelier = _LIKELIER * tunable if tunable < len(fit.effects) else 0.0
-        return fit.chi2 / self.scale + self.price(fit.effects) + first - likelier
+        return fit.chi2 / self.scale + self.price(fit.effects) + first
 
     @property
     def slack(self) -> float:

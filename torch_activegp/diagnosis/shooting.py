@@ -58,7 +58,7 @@ class Shooting:
     @property
     def work(self) -> float:
         """Time steps that its engines have computed, :attr:`Engine.work`."""
-        return self.engine.work + (self.cheap.work if self.cheap is not None else 0.0)
+        return sum(engine.work for engine in {self.engine, self.differences})
 
     @property
     def samples(self) -> int:
