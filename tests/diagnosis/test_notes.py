@@ -20,4 +20,4 @@ def test_nothing_is_said_of_a_search_as_it_should_be_and_all_that_is_not(bench) 
     assert f"{bench.engine.model.opt.timestep:g} s" in numerics
     assert "sticks firmly" in numerics
     assert "47% of the recordings" in part
-    assert "20 million time steps" in end
+    assert "15 million time steps" in end

@@ -263,7 +263,7 @@ class Problem:
         """Goes on from the best point with new derivatives: precise ones where those that there were misled."""
         assert self.best is not None
         self._trial, self._trial_starts = self.best.flat, self.best.starts
-        self._design = self._columns = None
+        self._design = self._columns = self.only = None
         self.finished, self.lent = False, self.lent and not misled
 
     def _shorten(self) -> None:

@@ -43,9 +43,9 @@ _CHEAP = 60
 """So many fits of one segment cost little: where there are few segments, more is fitted than looks best."""
 _COMPANY = 40
 _ROUNDS = 10
-_PATIENCE = 20e6
-"""Cases that end right compute a few million time steps for a search, and 18 million at most. What no effect on the
-list explains would compute ever more."""
+_PATIENCE = 15e6
+"""Cases that end right compute a few million time steps for a search, most of them below ten. What no effect on the list
+explains would compute ever more."""
 _MORE = 20.0
 _AS_WELL = 10.0
 """By so much, in units of what is left and with the price of its parameters, a tuning undone may be worse than a name
