@@ -130,6 +130,18 @@ def test_less_may_be_left_behind_many_names(bench, monkeypatch, many: int, verdi
     assert judged.verdict == verdict
 
 
+@pytest.mark.parametrize(("cut_short", "verdict"), [(True, "unknown"), (False, "named")])
+def test_less_may_be_left_by_a_search_that_was_cut_short(bench, monkeypatch, cut_short, verdict) -> None:
+    """Also where what is left would not be seen otherwise."""
+    effect = bench.effect("viscous_friction")
+    most = bench.shooting.fit([((effect,), (np.array([0.045]),))], bench.nominal.starts, hold=True)[0]
+    monkeypatch.setattr("torch_activegp.diagnosis.judge.SEEN", 0.15)
+    chosen = dataclasses.replace(selection(bench, most), cut_short=cut_short)
+    judged = judge(bench.shooting, chosen)
+    assert 0.04 < judged.unexplained < 0.15
+    assert judged.verdict == verdict
+
+
 def test_much_of_the_rest_is_named_however_little_of_the_whole(bench) -> None:
     effects = (bench.effect("constant_force"), bench.effect("viscous_friction"))
     both = bench.shooting.fit([(effects, (np.array([0.0]), np.array([0.05])))], bench.nominal.starts)[0]

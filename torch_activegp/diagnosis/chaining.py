@@ -17,8 +17,6 @@ _STANDS_OUT = 3.0
 _ROUNDS = 3
 _STEPS = 8
 _BETTER = 0.5
-_CREEPS = 0.1
-"""Part of its top speed below which a joint may be at rest where a smoothed recording has it moving."""
 
 
 def chained(shooting: Shooting, fit: Fit) -> Fit:
@@ -32,27 +30,22 @@ def chained(shooting: Shooting, fit: Fit) -> Fit:
         shooting: the likelihood.
         fit: of any set.
     """
-    segments, before, arrived = shooting.segments, fit, fit.starts
+    segments, before = shooting.segments, fit
     for number in range(_ROUNDS):
         level = fit.per_segment / segments.samples
         out = level > _STANDS_OUT * max(float(np.median(level)), 1.0)
         if not out.any():
             break
-        known, arrives = fit, _continued(shooting, fit)
-        elsewhere = (arrives != arrived).any(axis=1) & (arrives != fit.starts).any(axis=1)
-        fit = _tried(shooting, fit, out & elsewhere, arrives)
-        for still, where in [] if number else _at_rest(shooting):  # the same again in later rounds
-            fit = _tried(shooting, fit, out & where, still)
+        known = fit
+        for states in [_continued(shooting, fit), *([] if number else _at_rest(shooting))]:  # rest ends as before
+            fit = _tried(shooting, fit, out, states)
         if fit is known:
             break
-        arrived = arrives
     return shooting.fit([(fit.effects, fit.values)], fit.starts)[0] if fit is not before and fit.effects else fit
 
 
 def _tried(shooting: Shooting, fit: Fit, where: NDArray[np.bool_], starts: Array) -> Fit:
     """The fit with some of its segments ``(S,)`` begun at some states ``(S, n)`` where that is better."""
-    if not where.any():
-        return fit
     which = np.flatnonzero(where)
     other = shooting.pick(which).fit([(fit.effects, fit.values)], starts[which], rounds=_STEPS, hold=True)[0]
     better = other.per_segment < fit.per_segment[which] - _BETTER
@@ -79,20 +72,11 @@ def _continued(shooting: Shooting, fit: Fit) -> Array:
     return np.where(np.isfinite(starts), starts, fit.starts)
 
 
-def _at_rest(shooting: Shooting) -> list[tuple[Array, NDArray[np.bool_]]]:
-    """The smoothed recording with all joints at rest that creep, and with each where several do.
-
-    Returns:
-        States ``(S, n)``, and in which segments they are at rest, ``(S,)``.
-    """
-    smooth, nq = shooting.engine.starts(shooting.segments), shooting.engine.model.nq
-    dofs = nq + np.asarray(shooting.engine.channels.dof)
-    creeps = np.abs(smooth[:, dofs]) < _CREEPS * shooting.state_reach()[dofs]
-    several = creeps.sum(axis=1) > 1
-    masks = [creeps, *(creeps & several[:, None] & (dofs == dof) for dof in dofs)]
+def _at_rest(shooting: Shooting) -> list[Array]:
+    """The smoothed recording with all joints at rest, and with each of several, ``(S, n)``."""
+    smooth, dofs = shooting.engine.starts(shooting.segments), shooting.engine.channels.dof
     out = []
-    for still in (mask for mask in masks if mask.any()):
-        states = smooth.copy()
-        states[:, dofs] = np.where(still, 0.0, smooth[:, dofs])
-        out.append((states, still.any(axis=1)))
+    for still in [dofs, *([dof] for dof in dofs if len(dofs) > 1)]:
+        out.append(smooth.copy())
+        out[-1][:, shooting.engine.model.nq + np.asarray(still)] = 0.0
     return out

@@ -36,6 +36,9 @@ CROWDED = 0.04
 """The same where as many names as are tried leave it."""
 OVERCROWDED = 0.001
 """The same where there are more names: those of a nominal that was tuned badly leave next to nothing."""
+SEEN_IN_VAIN = 0.03
+"""The same where the search was cut short: after so much of it, nothing on the list leaves noise alone. A friction that
+grows with the load left 0.09 behind Stribeck friction and a spring, at 50 Hz."""
 _LOPSIDED = 0.1
 """A constant push is a difference between the directions of a dry friction from so much of that friction up."""
 ALIKE = 0.002
@@ -157,6 +160,8 @@ def judge(shooting: Shooting, selection: Selection) -> Judgement:
     most = seen if _visible(shooting, after) else INADEQUATE
     if best.chi2 > LOUD * shooting.dof:
         most = min(most, SEEN_LOUD)
+    if selection.cut_short:
+        most = min(most, SEEN_IN_VAIN)
     if after.p_value < DOUBT and (unexplained > most or crowded):
         sure = (crowded and unexplained <= INADEQUATE) or _visible(shooting, before)
         verdict = "unknown" if sure else "none"

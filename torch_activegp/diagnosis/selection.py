@@ -44,8 +44,8 @@ _CHEAP = 60
 _COMPANY = 40
 _ROUNDS = 10
 _PATIENCE = 15e6
-"""Cases that end right compute a few million time steps for a search, most of them below ten. What no effect on the list
-explains would compute ever more."""
+"""Cases that end right compute a few million time steps for a search, most of them below ten. What no effect on the
+list explains would compute ever more."""
 _MORE = 20.0
 _AS_WELL = 10.0
 """By so much, in units of what is left and with the price of its parameters, a tuning undone may be worse than a name
