@@ -24,24 +24,36 @@ def names(sets: list) -> list[str]:
 def test_what_gains_too_little_on_a_part_is_not_fitted_to_all(bench, sets, mismatch, passed) -> None:
     """But only where so much is missing that a part of the data shows it."""
     score = Score(bench.shooting.samples, 20, 1.0, mismatch=mismatch)
-    found = heat(bench.shooting, sets, bench.nominal, score)
+    found, starts = heat(bench.shooting, sets, bench.nominal, score)
     assert names(found) == passed
     moved = [abs(float(values[0][0]) - 0.01) > 1e-6 for _, values in found]
     assert moved == [mismatch > 100.0] * len(found)
+    changed = (starts != bench.nominal.starts).any(axis=-1).mean(axis=-1)
+    assert ((0.0 < changed) & (changed < 1.0) if mismatch > 100.0 else changed == 0.0).all()
+    assert len(starts) == len(found)
 
 
 def test_what_costs_no_more_than_the_fit_passes(bench, sets) -> None:
     score = Score(bench.shooting.samples, 20, 1.0, mismatch=2e4)
     load = bench.fit(LOAD, 0.01)
-    assert names(heat(bench.shooting, sets, load, score)) == [WET, LOAD]
+    assert names(heat(bench.shooting, sets, load, score).sets) == [WET, LOAD]
 
 
 def test_nearness_is_judged_by_the_part(bench, sets) -> None:
     part, which = bench.shooting.subset(0.5, bench.nominal.per_segment)
-    here = bench.nominal.pick(which)
-    assert names(near(part, sets, here, [-20.0, -20.0])) == [WET]
-    assert names(near(part, sets, here, [20.0, 20.0])) == [WET, LOAD]
-    assert names(near(part, sets, here, [-1e9, 20.0])) == [LOAD]
+    for bars, passed in (([-20.0, -20.0], [WET]), ([20.0, 20.0], [WET, LOAD]), ([-1e9, 20.0], [LOAD])):
+        assert names(near(part, which, sets, bench.nominal, bars).sets) == passed
+
+
+def test_what_passes_begins_from_the_states_found_on_the_part(bench, sets) -> None:
+    part, which = bench.shooting.subset(0.5, bench.nominal.per_segment)
+    found, starts = near(part, which, sets, bench.nominal, [20.0, 20.0])
+    others = np.setdiff1d(np.arange(bench.segments.size), which)
+    for (effects, values), states in zip(found, starts, strict=True):
+        np.testing.assert_array_equal(states[others], bench.nominal.starts[others])
+        there = part.fit([(effects, values)], states[which], rounds=0)[0]
+        before = part.fit([(effects, values)], bench.nominal.starts[which], rounds=0)[0]
+        assert there.chi2 < before.chi2
 
 
 def test_what_is_worth_much_is_looked_for_on_a_part_with_the_worst_segments(bench) -> None:

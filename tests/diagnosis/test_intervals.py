@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from scipy import stats
 
-from torch_activegp.diagnosis.intervals import covariance, estimates
+from torch_activegp.diagnosis.intervals import covariance, estimates, is_certain
 
 
 def test_the_interval_holds_the_truth_and_is_as_wide_as_the_information_says(bench) -> None:
@@ -44,6 +44,19 @@ def test_scores_that_vary_more_than_the_noise_widen_the_interval(bench) -> None:
     fit = bench.fit("viscous_friction", 0.05)
     wild = dataclasses.replace(fit, scores=20 * fit.scores)
     assert covariance(bench.shooting, wild)[0, 0] > 10 * covariance(bench.shooting, fit)[0, 0]
+
+
+def test_what_the_scores_do_not_tell_from_nothing_is_not_certain(bench) -> None:
+    fit = bench.fit("viscous_friction", 0.05)
+    (friction,) = fit.effects
+    assert is_certain(bench.shooting, fit, friction)
+    much = dataclasses.replace(fit, scores=100.0 * fit.scores)
+    error = np.sqrt(covariance(bench.shooting, much)[0, 0])
+    for times, certain in ((1.9, False), (2.1, True)):
+        wild = dataclasses.replace(much, scores=much.scores * fit.values[0][0] / (times * error))
+        assert is_certain(bench.shooting, wild, friction) is certain
+    assert not is_certain(bench.shooting, dataclasses.replace(fit, values=(np.zeros(1),)), friction)
+    assert is_certain(bench.shooting, dataclasses.replace(wild, information=np.zeros((1, 1))), friction)
 
 
 def _recorded(bench, rng, recordings, each, excitement, alike):

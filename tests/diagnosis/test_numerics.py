@@ -64,8 +64,8 @@ def test_either_scheme_of_short_steps_may_be_closer_behind_an_effect_that_is_hel
     made = Numerics.of(clean.integrated("Euler", 0.005, 'frictionloss="0.6"'), 1)
     held, smooth = clean.effect("joint_stop"), clean.effect("viscous_friction")
     always = [made.given, made.fine, made.firm, made.firm_leapt]
-    assert made._forms((smooth,), None) == always
-    assert made._forms((held,), None) == [*always, made.finest, made.leapt]
+    assert made._forms(clean.segments, [((smooth,), (np.zeros(1),))], None) == always
+    assert made._forms(clean.segments, [((held,), (np.zeros(1),))], None) == [*always, made.finest, made.leapt]
 
 
 def test_friction_of_the_model_may_be_closer_by_leapfrog(clean, monkeypatch) -> None:

@@ -14,8 +14,8 @@ from torch_activegp.diagnosis.score import AT_LEAST, Score
 from torch_activegp.diagnosis.shooting import ROUNDS, Shooting
 from torch_activegp.physics.effect import Effect
 
-_AS_MUCH = 0.01
-"""Part of what the best set explains."""
+_AS_MUCH = 0.005
+"""Part of what the best set explains: a little less than what is worth a name."""
 _REMEMBERED = 8
 """Sets whose derivatives are kept, with and without names for what seems tuned: two are developed at a time."""
 _LIKELIER = 0.2
@@ -129,6 +129,7 @@ def compare(
     race: bool = False,
     rounds: int = ROUNDS,
     below: Fit | None = None,
+    starts: Array | None = None,
 ) -> None:
     """Fits some sets from the states of a fit near by, and takes them in.
 
@@ -143,10 +144,12 @@ def compare(
         race: give up on those that stay far behind.
         rounds: simulations at most, one after the other.
         below: a fit of what the sets have in common, if they have.
+        starts: initial states to begin from, one for each set, ``(N, S, nq + nv)``, where not those of the fit near by.
     """
     if sets:
         contest = Race(selection.score, selection.nominal.chi2, shooting.dof) if race else None
-        fits = shooting.fit(sets, near.starts, rounds, contest, near=near, below=below)
+        begin = near.starts if starts is None else starts
+        fits = shooting.fit(sets, begin, rounds, contest, near=near, below=below)
         selection.add(fits)
         selection.rescale(shooting.dof)
         far = selection.score(selection.best) + selection.score.slack

@@ -20,7 +20,8 @@ from torch_activegp.diagnosis.noise_left import noise_behind, raised
 from torch_activegp.diagnosis.noise_model import NoiseModel
 from torch_activegp.diagnosis.numerics import CREEPS, Numerics, Sets
 from torch_activegp.diagnosis.polish import polish
-from torch_activegp.diagnosis.selection import NOISE_ALONE, Depth, hopeless, select
+from torch_activegp.diagnosis.prospects import NOISE_ALONE, hopeless
+from torch_activegp.diagnosis.selection import Depth, select
 from torch_activegp.diagnosis.shooting import Shooting
 from torch_activegp.diagnosis.weak import also_weak
 from torch_activegp.physics.effect import Effect

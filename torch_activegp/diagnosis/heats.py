@@ -3,12 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from torch_activegp.diagnosis.fit import Fit
 from torch_activegp.diagnosis.proposals import Set
 from torch_activegp.diagnosis.race import Race
+from torch_activegp.diagnosis.runs import Array
 from torch_activegp.diagnosis.score import Score
 from torch_activegp.diagnosis.shooting import Shooting
 
@@ -22,7 +25,20 @@ _LENIENT = 0.3
 """And so much of it is enough there: effects act more in some segments than in others."""
 
 
-def heat(shooting: Shooting, sets: Sequence[Set], fit: Fit, score: Score) -> list[Set]:
+class Heat(NamedTuple):
+    """What passed.
+
+    Args:
+        sets: effects and first guesses.
+        starts: initial states to begin from, one for each set, ``(N, S, nq + nv)``: in the segments of the part those
+            found there. A set that was found there fitted all data worse than the nominal from the nominal's states.
+    """
+
+    sets: list[Set]
+    starts: Array
+
+
+def heat(shooting: Shooting, sets: Sequence[Set], fit: Fit, score: Score) -> Heat:
     """Those of some sets that gain on a part of the data about what they must gain on all of it.
 
     Half of the part are the segments that the fit explains worst. Where little is missing all data are needed to see
@@ -35,21 +51,23 @@ def heat(shooting: Shooting, sets: Sequence[Set], fit: Fit, score: Score) -> lis
         score: what they must gain.
 
     Returns:
-        The sets; those that were tried have the parameters found on the part.
+        The sets; those that were tried have the parameters and states found on the part.
     """
+    every = Heat(list(sets), np.repeat(fit.starts[None], len(sets), axis=0))
     paid = score.price(fit.effects)
     priced = [(some, score.price(some[0]) - paid) for some in sets]
     tried = [(some, price) for some, price in priced if price > _CLEAR or price < 0.0]
     if not tried:
-        return list(sets)
+        return every
     share = max(_CLEAR / min((price for _, price in tried if price > 0.0), default=np.inf), PART)
     part, which = shooting.subset(share, fit.per_segment)
     if part.segments.size == shooting.segments.size:
-        return list(sets)
+        return every
     share = part.segments.size / shooting.segments.size
     bars = [score.scale * (-share * price + CLOSE if price < 0.0 else -_LENIENT * share * price) for _, price in tried]
-    passed = near(part, [some for some, _ in tried], fit.pick(which), bars)
-    return [some for some, price in priced if 0.0 <= price <= _CLEAR] + passed
+    passed = near(part, which, [some for some, _ in tried], fit, bars)
+    cheap = [some for some, price in priced if 0.0 <= price <= _CLEAR]
+    return Heat([*cheap, *passed.sets], np.concatenate([every.starts[: len(cheap)], passed.starts]))
 
 
 def seen_on(shooting: Shooting, fit: Fit, score: Score) -> tuple[Shooting, Fit]:
@@ -65,7 +83,20 @@ def seen_on(shooting: Shooting, fit: Fit, score: Score) -> tuple[Shooting, Fit]:
     return part, fit.pick(which)
 
 
-def near(part: Shooting, sets: Sequence[Set], here: Fit, bars: Sequence[float]) -> list[Set]:
-    """Those of some sets whose chi2 on a part of the data is below that of a fit and a bar on top, one for each."""
+def near(part: Shooting, which: NDArray[np.int64], sets: Sequence[Set], fit: Fit, bars: Sequence[float]) -> Heat:
+    """Those of some sets whose chi2 on a part of the data is below that of a fit and a bar on top, one for each.
+
+    Args:
+        part: the likelihood over some of the segments.
+        which: of all.
+        sets: what is proposed, with first guesses.
+        fit: to all segments.
+        bars: chi2.
+    """
+    here = fit.pick(which)
     trials = part.fit(sets, here.starts, race=Race(), near=here, below=here)
-    return [(fit.effects, fit.values) for fit, bar in zip(trials, bars, strict=True) if fit.chi2 < here.chi2 + bar]
+    passed = [trial for trial, bar in zip(trials, bars, strict=True) if trial.chi2 < here.chi2 + bar]
+    starts = np.repeat(fit.starts[None], len(passed), axis=0)
+    for states, trial in zip(starts, passed, strict=True):
+        states[which] = trial.starts
+    return Heat([(trial.effects, trial.values) for trial in passed], starts)

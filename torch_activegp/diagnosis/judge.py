@@ -11,6 +11,7 @@ from scipy import stats
 from torch_activegp.diagnosis.compared import Selection, fitted
 from torch_activegp.diagnosis.elimination import eliminate, scaled
 from torch_activegp.diagnosis.fit import Fit
+from torch_activegp.diagnosis.intervals import is_certain
 from torch_activegp.diagnosis.merging import TWO_SIDED, push
 from torch_activegp.diagnosis.noise_left import recoloured
 from torch_activegp.diagnosis.reference import free_force_columns
@@ -141,17 +142,19 @@ def judge(shooting: Shooting, selection: Selection) -> Judgement:
     after = omnibus(dataclasses.replace(shooting, noise=recoloured(shooting, best)), best)
     unexplained = after.excess / max(after.excess + gain, 1e-300)
     white = after.p_value > SURE
-    named, retuned = _split(shooting, selection, rivals)
+    named, tuned = _split(shooting, selection, rivals)
     order, shares = _shares(shooting, selection, named, 1.0 - unexplained)
     score = selection.score
     worth = 2.0 * score.least * score.scale / max(gain, 1e-300) if score.inadequate else score.material
     least = min(LEAST_SHARE, worth)
-    kept = [i for i, share in enumerate(shares) if share >= least] or [0]
-    retuned = (*retuned, *(effect for i, effect in enumerate(order) if i not in kept))
+    kept = [i for i, share in enumerate(shares) if share >= least and is_certain(shooting, best, order[i])] or [0]
+    retuned = (*tuned, *(effect for i, effect in enumerate(order) if i not in kept))
     order, shares = tuple(order[i] for i in kept), tuple(shares[i] for i in kept)
     probabilities = tuple(_probability(rivals, effect) for effect in order)
     ties = tuple(
-        tuple(dict.fromkeys([*_ties(rivals, best, e), *as_two(rivals, best, e), *as_one(rivals, best, e, retuned)]))
+        tuple(
+            dict.fromkeys([*_ties(rivals, best, e), *as_two(rivals, best, e), *as_one(rivals, best, e, retuned, tuned)])
+        )
         for e in order
     )
     p_value = min(before.p_value, float(stats.chi2.sf(gain / score.scale, best.size)) * score.names)
@@ -266,12 +269,22 @@ def as_two(rivals: Sequence[tuple[Fit, float, float]], best: Fit, effect: Effect
 
 
 def as_one(
-    rivals: Sequence[tuple[Fit, float, float]], best: Fit, effect: Effect, retuned: Sequence[Effect]
+    rivals: Sequence[tuple[Fit, float, float]],
+    best: Fit,
+    effect: Effect,
+    retuned: Sequence[Effect],
+    tuned: Sequence[Effect] = (),
 ) -> tuple[tuple[str, str], ...]:
-    """The dry friction of two levels that says the same as one level and a push which only undoes a tuning."""
+    """The dry friction of two levels that says the same as one level and a push which only undoes a tuning.
+
+    Where some effects only undo a tuning (`tuned`), the nominal's bias may hold the push, and nothing in the recordings
+    says how much of it.
+    """
     values, two_sided = best.by_effect, (TWO_SIDED, effect.target)
     if effect.name != "coulomb_friction":
         return ()
+    if tuned and any(two_sided in fit.keys for fit, _, _ in rivals):
+        return (two_sided,)
     least = _LOPSIDED * float(values[effect][0])
     pushes = {e.key for e in retuned if abs(push(e, values[e], effect.target)) > least}
     for fit, _, _ in rivals[1:] if pushes else ():

@@ -37,6 +37,8 @@ _AFFORDED, _PLENTY = 25e3, 30e3
 much chi2 above the noise, of which 0.1 % is 30. A valve of dry friction recorded to 0.05 mrad took 280 thousand."""
 _NEAR, _LOST = 2.0, 4.0
 """Where a form leaves less than so many times the noise, others that leave so many times as much are given up."""
+_FEW_STEPS = 4.0
+"""What comes late by fewer time steps is seen in shorter ones too: behind steps of 5 ms a lag of 3 ms was a delay."""
 _LIKE_A_TIME_STEP = frozenset({"actuator_delay", "actuator_lag", "sensor_delay"})
 
 
@@ -52,6 +54,18 @@ def _without_delays(sets: Sets) -> list[tuple[tuple[Effect, ...], tuple[Array, .
         if len(kept) < len(effects):
             out.append((tuple(e for e, _ in kept), tuple(v for _, v in kept)))
     return out
+
+
+def _otherwise_late(sets: Sets) -> list[tuple[tuple[Effect, ...], tuple[Array, ...]]]:
+    """Those of some sets that differ from the first one only in how or where something comes late."""
+
+    def rest(effects: Sequence[Effect]) -> frozenset[Effect]:
+        return frozenset(effect for effect in effects if effect.name not in _LIKE_A_TIME_STEP)
+
+    first = sets[0][0] if sets else ()
+    if len(rest(first)) == len(first):
+        return []
+    return [(tuple(e), tuple(v)) for e, v in sets[1:] if rest(e) == rest(first) and len(e) > len(rest(e))]
 
 
 class Numerics(Forms):
@@ -85,11 +99,12 @@ class Numerics(Forms):
             The precise engine; the likelihood to compare sets with, over fewer segments where these tell enough; the
             nominal's fit; the first set's.
         """
-        whole, competing = Shooting(self.coarse, segments, noise), self._forms(sets[0][0] if sets else (), known)
+        whole, competing = Shooting(self.coarse, segments, noise), self._forms(segments, sets[:1], known)
         longest = max(competing, key=lambda form: form.steps_in(segments))
         first, which = whole.subset(max(_JUDGES / segments.size, min(_PART, _affordable(longest, segments))))
         rough = self._rough(first, near.pick(which), sets[:1])
-        engine, working, judged = self._race(competing, first, rough, _without_delays(sets[:1]), whole.dof)
+        trials = [*_without_delays(sets[:1]), *_otherwise_late(sets)]
+        engine, working, judged = self._race(competing, first, rough, trials, whole.dof)
         if known is not None and engine is known[0] and judged.effects == near.effects:
             return *known, nominal, near
         if first.segments.size < segments.size:
@@ -149,9 +164,12 @@ class Numerics(Forms):
         much = max(chi2 - _MUCH * dof, 0.0)
         return chi2 + price + (0.0 if engine is self.given else _CLEARLY * much)
 
-    def _forms(self, effects: Sequence[Effect], known: Known | None) -> list[Engine]:
+    def _forms(self, segments: Segments, sets: Sets, known: Known | None) -> list[Engine]:
         """The precise forms that compete behind a set; the one that was taken before is among them."""
-        held = (self.finest, self.leapt) if any(effect.needs_steps for effect in effects) else ()
+        step = float(np.median(segments.dt)) / self.fine.substeps
+        pairs = [pair for effects, values in sets for pair in zip(effects, values, strict=True)]
+        late = any(effect.name in _LIKE_A_TIME_STEP and value[0] < _FEW_STEPS * step for effect, value in pairs)
+        held = (self.finest, self.leapt) if late or any(effect.needs_steps for effect, _ in pairs) else ()
         forms = (self.given, self.fine, self.firm, self.firm_leapt, *(known[:1] if known else ()), *held)
         return [form for form in dict.fromkeys(forms) if form is not None]
 

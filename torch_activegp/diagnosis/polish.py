@@ -10,8 +10,10 @@ import numpy as np
 from torch_activegp.diagnosis.chaining import chained
 from torch_activegp.diagnosis.compared import Selection, compare
 from torch_activegp.diagnosis.fit import Fit
+from torch_activegp.diagnosis.merging import merged
 from torch_activegp.diagnosis.numerics import Sets
 from torch_activegp.diagnosis.proposals import beginning, late_elsewhere
+from torch_activegp.diagnosis.prospects import NOISE_ALONE
 from torch_activegp.diagnosis.shooting import Shooting
 from torch_activegp.physics.effect import Effect
 
@@ -40,17 +42,29 @@ def polish(shooting: Shooting, selection: Selection, effects: Sequence[Effect]) 
         if again.plausible and gained > -_SETTLED:  # also where it gains nothing: its derivatives say how sure it is
             selection.fits = [again if fit is best else fit for fit in selection.fits]
             best = again
-        if selection.cut_short:  # nothing on the list explains what is missing: rivals would not, either
+        lost = best.chi2 > NOISE_ALONE * shooting.dof
+        if selection.cut_short and lost:  # nothing on the list explains what is missing: rivals would not, either
             break
         stuck = min(_SHORT * best.chi2, _OF_THE_GAIN * (selection.nominal.chi2 - best.chi2))
         short = max(2.0 * gained, 0.0 if number else stuck, 0.0)
         reach = selection.score(best) + _RIVAL + short / selection.score.scale
         near = [fit for fit in selection.ranked()[:_NEAR] if fit is not best and selection.score(fit) < reach]
         sets = [some for fit in near for some in starts_of(fit, best)]
-        sets += [] if number else late_elsewhere(best, effects)
+        sets += [] if number else [*late_elsewhere(best, effects), *_one_for_two(selection, effects)]
         compare(shooting, selection, sets, best)
         if gained <= _SETTLED and selection.score(selection.best) > selection.score(best) - _SETTLED:
             break
+
+
+def _one_for_two(selection: Selection, effects: Sequence[Effect]) -> Sets:
+    """The best set with one name in place of two that say the same, where one of them seemed to cost no name."""
+    best = selection.best
+    if not any(effect.key in selection.score.free for effect in best.effects):
+        return []
+    one = [
+        list(zip(*pairs, strict=True)) for pairs in merged(list(zip(best.effects, best.values, strict=True)), effects)
+    ]
+    return [(some, values) for some, values in one if selection.of(some) is None]
 
 
 def starts_of(fit: Fit, best: Fit) -> Sets:

@@ -24,20 +24,18 @@ from torch_activegp.diagnosis.proposals import (
     with_values,
     without_weak,
 )
+from torch_activegp.diagnosis.prospects import hopeless, is_developed
 from torch_activegp.diagnosis.repeated import repeated
 from torch_activegp.diagnosis.runs import Array
 from torch_activegp.diagnosis.score import Score
 from torch_activegp.diagnosis.screening import Atom, Screen, allowed, screen
 from torch_activegp.diagnosis.shooting import Shooting
-from torch_activegp.diagnosis.stand_ins import soften, swap, try_tuned
+from torch_activegp.diagnosis.stand_ins import soften, swap, try_tuned, undo
 from torch_activegp.diagnosis.tuning import beside, only_undoes, undone
 from torch_activegp.physics.effect import Effect
 
 BEAM = 2
 SWAPS = 2
-_HOPELESS = 0.5
-NOISE_ALONE = 1.1
-"""What is left per degree of freedom where little but noise is: forms of a model and floors are off by some percent."""
 MAX_EFFECTS = 4
 _CHEAP = 60
 """So many fits of one segment cost little: where there are few segments, more is fitted than looks best."""
@@ -111,6 +109,8 @@ def select(
     if not selection.cut_short:
         try_tuned(selection, shooting, effects)
     tuned = not selection.score.free and _seems_tuned(selection, shooting, effects)
+    if tuned:
+        undo(selection, shooting, effects)
     if tuned or selection.best is not found:
         _simplify(selection, shooting, effects)
         search(selection, shooting, effects, expanded, tell, depth)
@@ -147,7 +147,7 @@ def search(
         for fit in beam:
             lost = bool(fit.effects) and hopeless(selection, shooting, least=2)
             room = selection.score.names_in(fit.effects) < MAX_EFFECTS and selection.may_pay(fit, shooting.dof)
-            if not room or lost or _cannot_win(selection, fit, expanded):
+            if not room or lost or is_developed(selection, fit, expanded):
                 skipped.add(frozenset(fit.effects))
                 continue
             expanded.add(frozenset(fit.effects))
@@ -211,7 +211,7 @@ def _expand(selection: Selection, shooting: Shooting, effects: Sequence[Effect],
         proposed += undone(fit, screened, selection.score.a_parameter * selection.score.scale)
     known = {frozenset(f.effects) for f in selection.fits}
     fresh = heat(shooting, [p for p in proposed if frozenset(p[0]) not in known], fit, selection.score)
-    compare(shooting, selection, fresh, fit, race=True, below=fit)
+    compare(shooting, selection, fresh.sets, fit, race=True, below=fit, starts=fresh.starts)
 
 
 def _be_fair(selection: Selection, shooting: Shooting) -> None:
@@ -238,21 +238,6 @@ def _be_fair(selection: Selection, shooting: Shooting) -> None:
         selection.nominal, selection.fits = bare, [bare if fit is nominal else fit for fit in selection.fits]
     if again:
         selection.rescale(shooting.dof)
-
-
-def _cannot_win(selection: Selection, fit: Fit, expanded: set[frozenset[Effect]]) -> bool:
-    """Whether a set costs more than the best one, which leaves noise alone and was developed to no avail."""
-    best, score = selection.best, selection.score
-    done = score.scale < NOISE_ALONE and frozenset(best.effects) in expanded
-    return done and score.price(fit.effects) > score.price(best.effects)
-
-
-def hopeless(selection: Selection, shooting: Shooting, least: int = 1) -> bool:
-    """Whether some effects together leave most of a large mismatch: what is missing is not on the list."""
-    best, nominal = selection.best, selection.nominal
-    there = nominal.chi2 - shooting.dof
-    left = best.chi2 - shooting.dof
-    return len(best.effects) >= least and there > 0.2 * shooting.dof and left > _HOPELESS * there
 
 
 def _proposals(selection: Selection, fit: Fit, screened: Screen, most: int) -> list[Set]:
@@ -291,5 +276,5 @@ def _simplify(selection: Selection, shooting: Shooting, effects: Sequence[Effect
     sets = simpler(best, effects, known, best.chi2 + CLOSE * score.scale, score.free)
     fewer = without_weak(best, lambda effect: score.scale * score.price([effect]))
     sets += [fewer] if fewer and frozenset(fewer[0]) not in known else []
-    sets = heat(shooting, sets, best, score)
-    compare(shooting, selection, sets, best, rounds=_ROUNDS)
+    passed = heat(shooting, sets, best, score)
+    compare(shooting, selection, passed.sets, best, rounds=_ROUNDS, starts=passed.starts)

@@ -41,11 +41,11 @@ def swap(selection: Selection, shooting: Shooting, effects: Sequence[Effect]) ->
             fresh.setdefault(frozenset(rival[0]), rival)
     for known in selection.fits:
         fresh.pop(frozenset(known.effects), None)
-    sets = list(fresh.values())
+    sets, starts = list(fresh.values()), None
     part, which = _enough(shooting, min(fit.chi2 for _, fit in smaller) - best.chi2)
     if sets and part.segments.size < shooting.segments.size:
-        sets = near(part, sets, best.pick(which), [CLOSE * selection.score.scale] * len(sets))
-    compare(shooting, selection, sets, best, race=True)
+        sets, starts = near(part, which, sets, best, [CLOSE * selection.score.scale] * len(sets))
+    compare(shooting, selection, sets, best, race=True, starts=starts)
 
 
 def _enough(shooting: Shooting, gain: float) -> tuple[Shooting, NDArray[np.int64]]:
@@ -94,3 +94,12 @@ def try_tuned(selection: Selection, shooting: Shooting, effects: Sequence[Effect
         sets += undone(fit, screen(shooting, fit, allowed(tunable, fit)), score.a_parameter * score.scale)
     fresh = [some for some in sets if selection.of(some[0]) is None]
     compare(shooting, selection, fresh, best, race=True)
+
+
+def undo(selection: Selection, shooting: Shooting, effects: Sequence[Effect]) -> None:
+    """Fits the best set with all further tunable effects that pay beside it: a tuning moves more than one or two."""
+    best, score = selection.best, selection.score
+    tunable = [effect for effect in effects if effect.tunable]
+    screened = screen(shooting, best, allowed(tunable, best))
+    sets = undone(best, screened, score.a_parameter * score.scale)
+    compare(shooting, selection, [some for some in sets if selection.of(some[0]) is None], best, below=best)

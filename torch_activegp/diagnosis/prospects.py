@@ -1,0 +1,50 @@
+"""Which sets are worth developing further."""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Iterable
+
+from torch_activegp.diagnosis.compared import Selection
+from torch_activegp.diagnosis.fit import Fit
+from torch_activegp.diagnosis.shooting import Shooting
+from torch_activegp.physics.effect import Effect
+
+_HOPELESS = 0.5
+NOISE_ALONE = 1.1
+"""What is left per degree of freedom where little but noise is: forms of a model and floors are off by some percent."""
+
+
+def is_developed(selection: Selection, fit: Fit, expanded: Collection[frozenset[Effect]]) -> bool:
+    """Whether developing a set cannot lead further than those that were developed.
+
+    Args:
+        selection: the compared sets.
+        fit: one of them.
+        expanded: those that were developed.
+    """
+    return _cannot_win(selection, fit, expanded) or _is_alike(selection, fit, expanded)
+
+
+def _cannot_win(selection: Selection, fit: Fit, expanded: Collection[frozenset[Effect]]) -> bool:
+    """Whether a set costs more than the best one, which leaves noise alone and was developed to no avail."""
+    best, score = selection.best, selection.score
+    done = score.scale < NOISE_ALONE and frozenset(best.effects) in expanded
+    return done and score.price(fit.effects) > score.price(best.effects)
+
+
+def _is_alike(selection: Selection, fit: Fit, expanded: Collection[frozenset[Effect]]) -> bool:
+    """Whether a set that was developed has the same names, and differs in what is no name alone; not of the best."""
+
+    def names(effects: Iterable[Effect]) -> frozenset[Effect]:
+        return frozenset(effect for effect in effects if effect.key not in selection.score.free)
+
+    known = (names(some) for some in expanded if len(names(some)) < len(some))
+    return fit is not selection.best and len(names(fit.effects)) < len(fit.effects) and names(fit.effects) in known
+
+
+def hopeless(selection: Selection, shooting: Shooting, least: int = 1) -> bool:
+    """Whether some effects together leave most of a large mismatch: what is missing is not on the list."""
+    best, nominal = selection.best, selection.nominal
+    there = nominal.chi2 - shooting.dof
+    left = best.chi2 - shooting.dof
+    return len(best.effects) >= least and there > 0.2 * shooting.dof and left > _HOPELESS * there
