@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from torch_activegp.diagnosis.fit import Fit
 from torch_activegp.diagnosis.proposals import Set
-from torch_activegp.diagnosis.race import Race
+from torch_activegp.diagnosis.race import Race, far_behind
 from torch_activegp.diagnosis.runs import Array
 from torch_activegp.diagnosis.score import Score
 from torch_activegp.diagnosis.shooting import Shooting
@@ -86,6 +86,8 @@ def seen_on(shooting: Shooting, fit: Fit, score: Score) -> tuple[Shooting, Fit]:
 def near(part: Shooting, which: NDArray[np.int64], sets: Sequence[Set], fit: Fit, bars: Sequence[float]) -> Heat:
     """Those of some sets whose chi2 on a part of the data is below that of a fit and a bar on top, one for each.
 
+    And not so far behind the best of them that a race ends for them.
+
     Args:
         part: the likelihood over some of the segments.
         which: of all.
@@ -96,6 +98,7 @@ def near(part: Shooting, which: NDArray[np.int64], sets: Sequence[Set], fit: Fit
     here = fit.pick(which)
     trials = part.fit(sets, here.starts, race=Race(), near=here, below=here)
     passed = [trial for trial, bar in zip(trials, bars, strict=True) if trial.chi2 < here.chi2 + bar]
+    passed = [trial for trial, far in zip(passed, far_behind([trial.chi2 for trial in passed]), strict=True) if not far]
     starts = np.repeat(fit.starts[None], len(passed), axis=0)
     for states, trial in zip(starts, passed, strict=True):
         states[which] = trial.starts
