@@ -182,14 +182,15 @@ def test_one_level_and_a_tuned_push_may_be_a_friction_of_two_levels(bench) -> No
         for key in (("coulomb_friction",), ("actuator_bias", "actuator:drive"), ("viscous_friction",))
     )
 
-    def said(push: float = 0.002, chi2: float = 1.0, beside: tuple = (wet,), tuned: tuple = (wet, bias)) -> tuple:
+    def said(push=0.002, chi2=1.0, beside: tuple = (wet,), tuned=(wet, bias), also: tuple = (), law=rich) -> tuple:
         two = bench.nominal
         two = dataclasses.replace(
             two, effects=(dry, bias, wet), values=(np.array([0.005]), np.array([push]), np.array([0.05]))
         )
         values = (np.array([0.003, 0.007]), *(np.array([0.05]) for _ in beside))
-        one = dataclasses.replace(two, effects=(rich, *beside), values=values, chi2=chi2 * two.chi2)
-        return as_one([(two, 0.0, 1.0), (one, 20.0, 0.0)], two, dry, tuned)
+        values = values if law is rich else (np.array([0.05]),) * (1 + len(beside))
+        one = dataclasses.replace(two, effects=(law, *beside), values=values, chi2=chi2 * two.chi2)
+        return as_one([(two, 0.0, 1.0), (one, 20.0, 0.0)], two, dry, tuned, also)
 
     assert said() == (rich.key,)
     assert said(beside=()) == (rich.key,)
@@ -197,6 +198,8 @@ def test_one_level_and_a_tuned_push_may_be_a_friction_of_two_levels(bench) -> No
     assert said(chi2=1.01) == ()
     assert said(beside=(bench.effect("quadratic_drag"),)) == ()
     assert said(tuned=(wet,)) == ()
+    assert said(push=0.0005, also=(wet,)) == (rich.key,)  # the nominal's own bias may hold the push
+    assert said(push=0.0005, also=(wet,), law=wet) == ()
 
 
 @pytest.mark.parametrize(("least", "verdict"), [(1e-3, "unknown"), (1e9, "none")])

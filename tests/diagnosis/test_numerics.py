@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from torch_activegp.diagnosis import agreement, numerics
-from torch_activegp.diagnosis.engine import NOMINAL
+from torch_activegp.diagnosis.engine import NOMINAL, Candidate
 from torch_activegp.diagnosis.noise_model import NoiseModel
 from torch_activegp.diagnosis.numerics import Numerics
 from torch_activegp.diagnosis.shooting import Shooting
@@ -57,6 +57,39 @@ def test_dry_friction_of_the_model_may_stick_more_firmly_on_the_machine(clean, f
     engine, working, _, judged = made.choose(shooting.segments, QUIET, nominal, nominal)
     assert engine is truth
     assert judged.chi2 / working.dof == pytest.approx(1.0, abs=0.25)
+
+
+def test_what_comes_late_by_less_than_a_few_time_steps_is_seen_in_shorter_ones_too(clean) -> None:
+    made = Numerics.of(clean.integrated("RK4", 0.01), 1)
+    late = clean.effect("actuator_lag", "actuator:drive")
+    for seconds, short in ((0.015, True), (0.025, False)):
+        forms = made._forms(clean.segments, [((late,), (np.array([seconds]),))], None)
+        assert (made.finest in forms) is short
+
+
+def test_a_set_may_be_late_in_another_way(clean) -> None:
+    lag, delay = (clean.effect(name, "actuator:drive") for name in ("actuator_lag", "actuator_delay"))
+    wet, dry = clean.effect("viscous_friction"), clean.effect("coulomb_friction")
+    value = np.array([0.01])
+    some = [((wet, delay), (value, value)), ((delay, wet), (value, value)), ((wet,), (value,)), ((dry, lag), (value,))]
+    assert numerics._otherwise_late([((lag, wet), (value, value)), *some]) == [*some[:2]]
+    assert numerics._otherwise_late([((wet,), (value,)), *some]) == []
+    assert numerics._otherwise_late([]) == []
+
+
+def test_a_lag_within_a_time_step_is_no_delay_behind_long_steps(clean, monkeypatch) -> None:
+    """The form and the way to be late are chosen together."""
+    made = Numerics.of(clean.integrated("RK4", 0.01), 1)
+    lag, delay = (clean.effect(name, "actuator:drive") for name in ("actuator_lag", "actuator_delay"))
+    truth = Candidate((lag,), (np.array([0.008]),))
+    own = made.finest.predict(clean.segments, clean.nominal.starts[None], [truth])[0][0]
+    noise = 0.02 * clean.noise * np.random.default_rng(0).normal(size=own.shape)
+    quiet = NoiseModel.white(np.array([0.02 * clean.noise]))
+    shooting = Shooting(made.given, dataclasses.replace(clean.segments, position=own + noise), quiet)
+    nominal = shooting.fit([((), ())], clean.nominal.starts)[0]
+    sets = [((late,), (np.array([0.008]),)) for late in (delay, lag)]
+    engine, *_, judged = made.choose(shooting.segments, quiet, nominal, nominal, sets)
+    assert (engine, judged.effects) == (made.finest, (lag,))
 
 
 def test_either_scheme_of_short_steps_may_be_closer_behind_an_effect_that_is_held(clean, monkeypatch) -> None:

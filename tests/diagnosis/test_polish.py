@@ -51,3 +51,18 @@ def test_the_best_set_and_its_rivals_end_at_their_optimum(bench, monkeypatch, cu
     again = chosen.of((friction, push))
     assert again is not None
     assert bool(again.chi2 <= chosen.best.chi2 + 0.5) is not (cut_short and lost)
+
+
+@pytest.mark.parametrize("free", [True, False])
+def test_one_name_is_fitted_in_place_of_two_of_which_one_seemed_to_undo_a_tuning(bench, free: bool) -> None:
+    """Else the search itself has compared them."""
+    dry, push = bench.effect("coulomb_friction"), bench.effect("constant_force")
+    (both,) = bench.shooting.fit([((dry, push), (np.array([0.02]), np.array([0.005])))], bench.nominal.starts)
+    score = Score(bench.shooting.samples, 60, 1.0, free=frozenset({push.key} if free else ()))
+    chosen = Selection(bench.nominal, [bench.nominal, both], score)
+    assert chosen.best is both
+    polish(bench.shooting, chosen, bench.effects)
+    two_sided = [fit for fit in chosen.fits if fit.keys == {("asymmetric_friction", "joint:hip")}]
+    assert bool(two_sided) is free
+    if free:
+        assert two_sided[0].chi2 < 1.01 * both.chi2

@@ -5,7 +5,7 @@ import pytest
 
 from torch_activegp.diagnosis.compared import Selection
 from torch_activegp.diagnosis.score import Score
-from torch_activegp.diagnosis.stand_ins import _enough, soften, swap, try_tuned
+from torch_activegp.diagnosis.stand_ins import _enough, soften, swap, try_tuned, undo
 
 
 def test_rivals_take_the_place_of_what_was_found(bench) -> None:
@@ -71,3 +71,16 @@ def test_what_gains_more_is_replaced_on_a_smaller_part_of_the_data(bench) -> Non
     twice = bench.shooting.pick(np.tile(np.arange(bench.segments.size), 5))
     sizes = [_enough(twice, gain)[0].segments.size / twice.segments.size for gain in (1.0, 800.0, 1e9)]
     assert sizes == pytest.approx([1.0, 0.5, 0.2])
+
+
+def test_a_tuning_is_undone_beside_the_best_set(bench) -> None:
+    """By the damping that is missing here, and not by names that are not tunable."""
+    found = bench.fit("cubic_spring", 0.1)
+    selection = Selection(bench.nominal, [bench.nominal, found], Score(bench.shooting.samples, 60, 1.0))
+    undo(selection, bench.shooting, bench.effects)
+    (fit,) = selection.fits[2:]
+    assert found.keys | {("viscous_friction", "joint:hip")} <= fit.keys
+    assert all(effect.tunable for effect in fit.effects if effect not in found.effects)
+    assert fit.chi2 < 0.5 * found.chi2
+    undo(selection, bench.shooting, [effect for effect in bench.effects if not effect.tunable])
+    assert len(selection.fits) == 3

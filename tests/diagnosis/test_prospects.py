@@ -1,0 +1,37 @@
+from __future__ import annotations
+
+import dataclasses
+
+import numpy as np
+import pytest
+
+from torch_activegp.diagnosis.compared import Selection
+from torch_activegp.diagnosis.prospects import is_developed
+from torch_activegp.diagnosis.score import Score
+
+
+@pytest.mark.parametrize(
+    ("free", "others", "developed"),
+    [
+        (True, ("constant_force",), True),  # another push beside the same name: both undo a tuning
+        (True, (), False),  # nothing is undone here
+        (False, ("constant_force",), False),  # both are names
+        (True, ("constant_force", "quadratic_drag"), False),  # one more name
+    ],
+)
+def test_sets_with_the_same_names_that_undo_a_tuning_in_other_ways_are_developed_once(
+    bench, free, others, developed
+) -> None:
+    def of(*names: str, chi2: float):
+        effects = tuple(bench.effect(*name.split("@")) for name in names)
+        return dataclasses.replace(bench.nominal, effects=effects, values=(np.array([0.1]),) * len(names), chi2=chi2)
+
+    tunable = frozenset(effect.key for effect in bench.effects if effect.tunable) if free else frozenset()
+    best = of("coulomb_friction", "actuator_bias@actuator:drive", chi2=2000.0)
+    fit = of("coulomb_friction", *others, chi2=2100.0)
+    score = Score(bench.shooting.samples, 60, 5.0, free=tunable)
+    chosen = Selection(bench.nominal, [bench.nominal, best, fit], score)
+    assert chosen.best is best
+    assert is_developed(chosen, fit, {frozenset(best.effects)}) == developed
+    assert not is_developed(chosen, fit, set())
+    assert not is_developed(chosen, best, {frozenset(fit.effects)})
