@@ -20,8 +20,8 @@ _HIDDEN = (0.15, 0.4, 0.75)
 0.7, with many corrections each, and 0.13 with one; effects of their own mostly above 1, 0.36 where one hides the other,
 and 0.19 a bias behind cogging and hysteresis."""
 _MANY, _OF_MANY = 4, 1.6
-"""The same of so many, where no few names explain as much: tunings that had gone wrong measured 0.93, 0.95 and 1.47. Where
-few do, such as a payload, it is they that are missing: many corrections do the same to a machine of one joint."""
+"""The same of so many, where no few names explain as much: tunings that had gone wrong measured 0.93, 0.95 and 1.47.
+Where few do, such as a payload, it is they that are missing: many corrections do the same to a machine of one joint."""
 _CERTAIN = 1.1
 """The same where a damping comes out below zero, on its joint: the nominal has more than there is, and that was put
 there by a modeller."""
