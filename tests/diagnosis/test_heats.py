@@ -45,6 +45,22 @@ def test_nearness_is_judged_by_the_part(bench, sets) -> None:
         assert names(near(part, which, sets, bench.nominal, bars).sets) == passed
 
 
+def test_of_many_only_the_first_and_what_is_close_to_the_best_pass(bench) -> None:
+    """By what they must gain: one that costs less may leave more."""
+    part, which = bench.shooting.subset(0.5, bench.nominal.per_segment)
+    names_ = (WET, LOAD, "cubic_spring", "linear_spring", "quadratic_drag")
+    many = [((bench.effect(name),), (np.array([0.01]),)) for name in names_]
+    chi2 = {name: fit.chi2 for name, fit in zip(names_, part.fit(many, bench.nominal.starts[which]), strict=True)}
+    first, *_, last = sorted(chi2, key=chi2.__getitem__)
+    found = names(near(part, which, many, bench.nominal, [1e3] * 5).sets)
+    assert first in found
+    assert len(found) == 3
+    bars = [1e5 if name == last else 1e3 for name in names_]
+    found = names(near(part, which, many, bench.nominal, bars).sets)
+    assert {first, last} < set(found)
+    assert len(found) == 3
+
+
 def test_what_passes_begins_from_the_states_found_on_the_part(bench, sets) -> None:
     part, which = bench.shooting.subset(0.5, bench.nominal.per_segment)
     found, starts = near(part, which, sets, bench.nominal, [20.0, 20.0])

@@ -200,6 +200,36 @@ def test_one_level_and_a_tuned_push_may_be_a_friction_of_two_levels(bench) -> No
     assert said(tuned=(wet,)) == ()
     assert said(push=0.0005, also=(wet,)) == (rich.key,)  # the nominal's own bias may hold the push
     assert said(push=0.0005, also=(wet,), law=wet) == ()
+    assert said(push=0.0005, also=(bias,)) == (rich.key,)
+    assert said(push=0.0005, also=(dataclasses.replace(wet, target="joint:knee"),)) == ()
+
+
+def test_a_friction_behind_a_tuning_may_be_one_of_two_levels(bench, monkeypatch) -> None:
+    dry, wet = bench.effect("coulomb_friction"), bench.effect("viscous_friction")
+    (both,) = bench.shooting.fit([((dry, wet), (np.array([0.005]), np.array([0.05])))], bench.nominal.starts)
+    two_sided = bench.fit("asymmetric_friction", 0.02, 0.02)
+    for tuned in ((wet,), ()):
+        monkeypatch.setattr("torch_activegp.diagnosis.judge._split", lambda *_, tuned=tuned: ([dry], tuned))
+        chosen = selection(bench, dataclasses.replace(both, chi2=0.9 * both.chi2), two_sided)
+        assert chosen.best.effects == both.effects
+        judged = judge(bench.shooting, chosen)
+        assert judged.named == (dry,)
+        assert (two_sided.effects[0].key in judged.ties[0]) is bool(tuned)
+
+
+@pytest.mark.parametrize(("names", "verdict"), [(2, "unknown"), (3, "named")])
+def test_what_may_be_nothing_is_not_named_and_counts_among_those_that_leave_too_much(
+    bench, monkeypatch, names, verdict
+) -> None:
+    effects = (bench.effect("viscous_friction"), bench.effect("constant_force"))
+    some = bench.shooting.fit([(effects, (np.array([0.045]), np.array([0.0])))], bench.nominal.starts, hold=True)[0]
+    monkeypatch.setattr("torch_activegp.diagnosis.judge.LEAST_SHARE", -1.0)
+    monkeypatch.setattr("torch_activegp.diagnosis.judge.MAX_EFFECTS", names)
+    monkeypatch.setattr("torch_activegp.diagnosis.judge.is_certain", lambda *args: args[-1] is effects[0])
+    judged = judge(bench.shooting, selection(bench, some))
+    assert (judged.named, judged.retuned) == (effects[:1], effects[1:])
+    assert 0.04 < judged.unexplained < 0.15
+    assert judged.verdict == verdict
 
 
 @pytest.mark.parametrize(("least", "verdict"), [(1e-3, "unknown"), (1e9, "none")])

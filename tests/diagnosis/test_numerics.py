@@ -77,7 +77,7 @@ def test_a_set_may_be_late_in_another_way(clean) -> None:
     assert numerics._otherwise_late([]) == []
 
 
-def test_a_lag_within_a_time_step_is_no_delay_behind_long_steps(clean, monkeypatch) -> None:
+def test_a_lag_within_a_time_step_is_no_delay_behind_long_steps(clean) -> None:
     """The form and the way to be late are chosen together."""
     made = Numerics.of(clean.integrated("RK4", 0.01), 1)
     lag, delay = (clean.effect(name, "actuator:drive") for name in ("actuator_lag", "actuator_delay"))

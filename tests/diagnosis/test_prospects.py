@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from torch_activegp.diagnosis.compared import Selection
-from torch_activegp.diagnosis.prospects import is_developed
+from torch_activegp.diagnosis.prospects import is_alike
 from torch_activegp.diagnosis.score import Score
 
 
@@ -32,6 +32,6 @@ def test_sets_with_the_same_names_that_undo_a_tuning_in_other_ways_are_developed
     score = Score(bench.shooting.samples, 60, 5.0, free=tunable)
     chosen = Selection(bench.nominal, [bench.nominal, best, fit], score)
     assert chosen.best is best
-    assert is_developed(chosen, fit, {frozenset(best.effects)}) == developed
-    assert not is_developed(chosen, fit, set())
-    assert not is_developed(chosen, best, {frozenset(fit.effects)})
+    assert is_alike(chosen, fit, {frozenset(best.effects)}) == developed
+    assert not is_alike(chosen, fit, set())
+    assert not is_alike(chosen, best, {frozenset(fit.effects)})

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from torch_activegp.diagnosis.point import Point
-from torch_activegp.diagnosis.race import Race, far_behind
+from torch_activegp.diagnosis.race import Race
 from torch_activegp.diagnosis.score import Score
 
 
@@ -29,13 +29,6 @@ def test_those_far_behind_give_up_and_the_best_three_go_on() -> None:
     behind = [Racer(5000.0), Racer(5000.0, resting=object()), Racer(35.0, resting=object())]
     Race().give_up(behind, [Racer(10.0), Racer(20.0), Racer(30.0)], only_misled=True)
     assert [racer.finished for racer in behind] == [False, True, False]
-
-
-def test_far_behind_is_neither_among_three_nor_close_nor_failed() -> None:
-    assert far_behind([99.0, 10.0, 5000.0, 30.0, 50.0, 69.0, np.inf]) == [True, False, True, *[False] * 4]
-    assert far_behind([10.0, 5000.0, 6000.0]) == [False] * 3
-    assert far_behind([np.inf, np.inf, np.inf, np.inf]) == [False] * 4
-    assert far_behind([]) == []
 
 
 @pytest.mark.parametrize(

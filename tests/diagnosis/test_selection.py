@@ -10,13 +10,23 @@ from torch_activegp.data import Recording
 from torch_activegp.diagnosis import selection as module
 from torch_activegp.diagnosis.compared import Selection
 from torch_activegp.diagnosis.fit import Fit
+from torch_activegp.diagnosis.heats import Heat
 from torch_activegp.diagnosis.linearize import linearize
 from torch_activegp.diagnosis.machine import make_machine
 from torch_activegp.diagnosis.noise_model import NoiseModel
 from torch_activegp.diagnosis.score import Score
 from torch_activegp.diagnosis.screening import screen
 from torch_activegp.diagnosis.segments import cut
-from torch_activegp.diagnosis.selection import Depth, _be_fair, _expand, _only_undoes, _seems_tuned, search, select
+from torch_activegp.diagnosis.selection import (
+    Depth,
+    _be_fair,
+    _expand,
+    _only_undoes,
+    _seems_tuned,
+    _simplify,
+    search,
+    select,
+)
 from torch_activegp.diagnosis.shooting import Shooting
 
 NAMES = ("viscous_friction", "coulomb_friction", "quadratic_drag", "constant_force", "armature_error")
@@ -285,3 +295,26 @@ def test_gains_on_a_part_of_the_data_are_told_as_on_all_where_sets_are_proposed(
     _expand(selection, bench.shooting, [wet], fit)
     (atom,) = screen(part, fit.pick(which), [wet]).best()
     assert told[0].best()[0].gain == pytest.approx(atom.gain * bench.segments.size / part.segments.size)
+
+
+def test_sets_are_fitted_to_all_data_from_the_states_found_on_a_part(bench, monkeypatch) -> None:
+    fit, begun = bench.fit("constant_force", 0.01), []
+    starts = np.stack([fit.starts + 0.1 * i for i in range(2)])
+    some = [((bench.effect(name),), (np.array([0.02]),)) for name in ("viscous_friction", "quadratic_drag")]
+    monkeypatch.setattr("torch_activegp.diagnosis.selection.heat", lambda *_: Heat(some, starts))
+    monkeypatch.setattr(Shooting, "fit", lambda self, sets, begin, *_, **__: begun.append(begin) or [])
+    selection = Selection(bench.nominal, [bench.nominal, fit], Score(bench.shooting.samples, 60, 1.0))
+    _expand(selection, bench.shooting, [bench.effect("viscous_friction")], fit)
+    _simplify(selection, bench.shooting, bench.effects)
+    assert len(begun) == 2
+    for begin in begun:
+        np.testing.assert_array_equal(begin, starts)
+
+
+@pytest.mark.parametrize("tuned", [True, False])
+def test_once_a_tuning_is_seen_more_of_it_is_undone(bench, monkeypatch, tuned: bool) -> None:
+    undone: list[Fit] = []
+    monkeypatch.setattr("torch_activegp.diagnosis.selection._seems_tuned", lambda *_: tuned)
+    monkeypatch.setattr("torch_activegp.diagnosis.selection.undo", lambda some, *_: undone.append(some.best))
+    chosen = select(bench.shooting, [bench.effect("viscous_friction")], bench.nominal)
+    assert undone == [chosen.best] * tuned

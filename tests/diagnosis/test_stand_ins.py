@@ -1,9 +1,12 @@
 from __future__ import annotations
 
+import dataclasses
+
 import numpy as np
 import pytest
 
 from torch_activegp.diagnosis.compared import Selection
+from torch_activegp.diagnosis.heats import Heat
 from torch_activegp.diagnosis.score import Score
 from torch_activegp.diagnosis.stand_ins import _enough, soften, swap, try_tuned, undo
 
@@ -84,3 +87,17 @@ def test_a_tuning_is_undone_beside_the_best_set(bench) -> None:
     assert fit.chi2 < 0.5 * found.chi2
     undo(selection, bench.shooting, [effect for effect in bench.effects if not effect.tunable])
     assert len(selection.fits) == 3
+
+
+def test_rivals_begin_from_the_states_found_on_a_part(bench, monkeypatch) -> None:
+    found, begun = bench.fit("viscous_friction", 0.05), []
+    starts = np.stack([found.starts + 0.1])
+    rival = [((bench.effect("quadratic_drag"),), (np.array([0.02]),))]
+    monkeypatch.setattr("torch_activegp.diagnosis.stand_ins.near", lambda *_: Heat(rival, starts))
+    monkeypatch.setattr("torch_activegp.diagnosis.stand_ins.compare", lambda *_, **how: begun.append(how["starts"]))
+    many = bench.shooting.pick(np.tile(np.arange(bench.segments.size), 5))
+    wide = dataclasses.replace(found.pick(np.tile(np.arange(bench.segments.size), 5)), values=found.values)
+    selection = Selection(bench.nominal.pick(np.tile(np.arange(bench.segments.size), 5)), [wide], Score(400, 60, 1.0))
+    selection.fits.insert(0, selection.nominal)
+    swap(selection, many, [bench.effect("quadratic_drag"), bench.effect("viscous_friction")])
+    np.testing.assert_array_equal(begun[-1], starts)

@@ -104,6 +104,8 @@ def test_a_tuning_gains_less_alone_than_beside_what_it_hides(bench) -> None:
     assert not only_undoes(nominal, fit(850.0, count=2), fit(300.0), best)
     assert only_undoes(nominal, fit(650.0, count=4), fit(300.0), best, needed=True)
     assert not only_undoes(nominal, fit(650.0, count=3), fit(300.0), best, needed=True)
+    assert only_undoes(nominal, fit(530.0, count=4), fit(300.0), best, needed=True)
+    assert not only_undoes(nominal, fit(510.0, count=4), fit(300.0), best, needed=True)
     assert not only_undoes(nominal, fit(650.0, count=4), fit(300.0), best)
     assert not only_undoes(nominal, fit(100.0), fit(300.0), best)
     assert only_undoes(nominal, fit(800.0, count=3), fit(300.0), best)

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from torch_activegp.diagnosis.fit import Fit
 from torch_activegp.diagnosis.proposals import Set
-from torch_activegp.diagnosis.race import Race, far_behind
+from torch_activegp.diagnosis.race import Race
 from torch_activegp.diagnosis.runs import Array
 from torch_activegp.diagnosis.score import Score
 from torch_activegp.diagnosis.shooting import Shooting
@@ -23,6 +23,8 @@ _CLEAR = 100.0
 """What a set must gain on all data is to be as much on the part: far above the noise of a gain."""
 _LENIENT = 0.3
 """And so much of it is enough there: effects act more in some segments than in others."""
+_FIRST, _CLOSE, _NEAR = 3, 60.0, 0.1
+"""So many sets pass in any case, and those that are behind the best by less chi2, or by less of what the best gains."""
 
 
 class Heat(NamedTuple):
@@ -86,19 +88,24 @@ def seen_on(shooting: Shooting, fit: Fit, score: Score) -> tuple[Shooting, Fit]:
 def near(part: Shooting, which: NDArray[np.int64], sets: Sequence[Set], fit: Fit, bars: Sequence[float]) -> Heat:
     """Those of some sets whose chi2 on a part of the data is below that of a fit and a bar on top, one for each.
 
-    And not so far behind the best of them that a race ends for them.
+    And, with that bar, among the best three or close to the best: others hardly become the best on all data.
 
     Args:
-        part: the likelihood over some of the segments.
-        which: of all.
-        sets: what is proposed, with first guesses.
+        part: the likelihood over some of the S segments.
+        which: of all these are, ``(S',)``.
+        sets: N proposals, with first guesses.
         fit: to all segments.
-        bars: chi2.
+        bars: chi2, N of them.
+
+    Returns:
+        The sets with the parameters and states found on the part.
     """
     here = fit.pick(which)
     trials = part.fit(sets, here.starts, race=Race(), near=here, below=here)
-    passed = [trial for trial, bar in zip(trials, bars, strict=True) if trial.chi2 < here.chi2 + bar]
-    passed = [trial for trial, far in zip(passed, far_behind([trial.chi2 for trial in passed]), strict=True) if not far]
+    levels = np.array([trial.chi2 - bar for trial, bar in zip(trials, bars, strict=True)])
+    best = np.sort(levels)[:_FIRST]
+    close = best[0] + max(_CLOSE, _NEAR * (here.chi2 - best[0])) if len(best) else 0.0
+    passed = [trials[i] for i in np.flatnonzero((levels < here.chi2) & (levels <= max(close, *best)))]
     starts = np.repeat(fit.starts[None], len(passed), axis=0)
     for states, trial in zip(starts, passed, strict=True):
         states[which] = trial.starts

@@ -104,7 +104,8 @@ class Judgement:
         shares: part of the mismatch that each explains.
         probabilities: of each.
         ties: of each, (name, target) pairs.
-        retuned: effects of the set that are not named: they undo a tuning of the nominal, or explain next to nothing.
+        retuned: effects of the set that are not named: they undo a tuning of the nominal, explain next to nothing, or
+            may be nothing at all.
         unexplained: part of the mismatch that is left.
         white: whether what is left is noise.
         p_value: of the mismatch.
@@ -147,7 +148,9 @@ def judge(shooting: Shooting, selection: Selection) -> Judgement:
     score = selection.score
     worth = 2.0 * score.least * score.scale / max(gain, 1e-300) if score.inadequate else score.material
     least = min(LEAST_SHARE, worth)
-    kept = [i for i, share in enumerate(shares) if share >= least and is_certain(shooting, best, order[i])] or [0]
+    kept = [i for i, share in enumerate(shares) if share >= least] or [0]
+    count, plain = len(kept), not tuned and len(kept) == len(order)
+    kept = [i for i in kept if is_certain(shooting, best, order[i])] or kept[:1]
     retuned = (*tuned, *(effect for i, effect in enumerate(order) if i not in kept))
     order, shares = tuple(order[i] for i in kept), tuple(shares[i] for i in kept)
     probabilities = tuple(_probability(rivals, effect) for effect in order)
@@ -158,8 +161,8 @@ def judge(shooting: Shooting, selection: Selection) -> Judgement:
         for e in order
     )
     p_value = min(before.p_value, float(stats.chi2.sf(gain / score.scale, best.size)) * score.names)
-    crowded = len(order) >= MAX_EFFECTS and unexplained > (CROWDED if len(order) == MAX_EFFECTS else OVERCROWDED)
-    seen = SEEN if len(order) < MANY else SEEN_BEHIND_MANY
+    crowded = count >= MAX_EFFECTS and unexplained > (CROWDED if count == MAX_EFFECTS else OVERCROWDED)
+    seen = SEEN if count < MANY else SEEN_BEHIND_MANY
     most = seen if _visible(shooting, after) else INADEQUATE
     if best.chi2 > LOUD * shooting.dof:
         most = min(most, SEEN_LOUD)
@@ -168,7 +171,7 @@ def judge(shooting: Shooting, selection: Selection) -> Judgement:
     if after.p_value < DOUBT and (unexplained > most or crowded):
         sure = (crowded and unexplained <= INADEQUATE) or _visible(shooting, before)
         verdict = "unknown" if sure else "none"
-        clear = not retuned and score(nominal) - score(best) > BEHIND_COLOUR  # what is fitted along follows colours too
+        clear = plain and score(nominal) - score(best) > BEHIND_COLOUR  # what is fitted along follows colours too
         if not sure and clear and _may_be_coloured(shooting):
             verdict = "tie" if any(ties) else "named"
     else:
@@ -277,13 +280,14 @@ def as_one(
 ) -> tuple[tuple[str, str], ...]:
     """The dry friction of two levels that says the same as one level and a push which only undoes a tuning.
 
-    Where some effects only undo a tuning (`tuned`), the nominal's bias may hold the push, and nothing in the recordings
-    says how much of it.
+    Where some effects only undo a tuning at that joint (`tuned`), the nominal's bias there may hold the push, and
+    nothing in the recordings says how much of it.
     """
     values, two_sided = best.by_effect, (TWO_SIDED, effect.target)
     if effect.name != "coulomb_friction":
         return ()
-    if tuned and any(two_sided in fit.keys for fit, _, _ in rivals):
+    here = any(effect.target in (other.target, getattr(other, "drives", "")) for other in tuned)
+    if here and any(two_sided in fit.keys for fit, _, _ in rivals):
         return (two_sided,)
     least = _LOPSIDED * float(values[effect][0])
     pushes = {e.key for e in retuned if abs(push(e, values[e], effect.target)) > least}

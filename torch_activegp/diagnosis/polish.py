@@ -50,21 +50,21 @@ def polish(shooting: Shooting, selection: Selection, effects: Sequence[Effect]) 
         reach = selection.score(best) + _RIVAL + short / selection.score.scale
         near = [fit for fit in selection.ranked()[:_NEAR] if fit is not best and selection.score(fit) < reach]
         sets = [some for fit in near for some in starts_of(fit, best)]
-        sets += [] if number else [*late_elsewhere(best, effects), *_one_for_two(selection, effects)]
+        sets += [] if number else [*late_elsewhere(best, effects), *_one_for_two(selection, best, effects)]
         compare(shooting, selection, sets, best)
         if gained <= _SETTLED and selection.score(selection.best) > selection.score(best) - _SETTLED:
             break
 
 
-def _one_for_two(selection: Selection, effects: Sequence[Effect]) -> Sets:
-    """The best set with one name in place of two that say the same, where one of them seemed to cost no name."""
-    best = selection.best
-    if not any(effect.key in selection.score.free for effect in best.effects):
-        return []
-    one = [
-        list(zip(*pairs, strict=True)) for pairs in merged(list(zip(best.effects, best.values, strict=True)), effects)
-    ]
-    return [(some, values) for some, values in one if selection.of(some) is None]
+def _one_for_two(selection: Selection, best: Fit, effects: Sequence[Effect]) -> Sets:
+    """The best set with one name in place of two that say the same, where one of the two seemed to cost no name."""
+    found: Sets = []
+    for pairs in merged(list(zip(best.effects, best.values, strict=True)), effects):
+        some, values = zip(*pairs, strict=True)
+        gone = {effect.key for effect in best.effects} - {effect.key for effect in some}
+        if gone & selection.score.free and selection.of(some) is None:
+            found = [*found, (some, values)]
+    return found
 
 
 def starts_of(fit: Fit, best: Fit) -> Sets:

@@ -14,25 +14,14 @@ NOISE_ALONE = 1.1
 """What is left per degree of freedom where little but noise is: forms of a model and floors are off by some percent."""
 
 
-def is_developed(selection: Selection, fit: Fit, expanded: Collection[frozenset[Effect]]) -> bool:
-    """Whether developing a set cannot lead further than those that were developed.
-
-    Args:
-        selection: the compared sets.
-        fit: one of them.
-        expanded: those that were developed.
-    """
-    return _cannot_win(selection, fit, expanded) or _is_alike(selection, fit, expanded)
-
-
-def _cannot_win(selection: Selection, fit: Fit, expanded: Collection[frozenset[Effect]]) -> bool:
+def cannot_win(selection: Selection, fit: Fit, expanded: Collection[frozenset[Effect]]) -> bool:
     """Whether a set costs more than the best one, which leaves noise alone and was developed to no avail."""
     best, score = selection.best, selection.score
     done = score.scale < NOISE_ALONE and frozenset(best.effects) in expanded
     return done and score.price(fit.effects) > score.price(best.effects)
 
 
-def _is_alike(selection: Selection, fit: Fit, expanded: Collection[frozenset[Effect]]) -> bool:
+def is_alike(selection: Selection, fit: Fit, expanded: Collection[frozenset[Effect]]) -> bool:
     """Whether a set that was developed has the same names, and differs in what is no name alone; not of the best."""
 
     def names(effects: Iterable[Effect]) -> frozenset[Effect]:

@@ -14,14 +14,6 @@ from torch_activegp.diagnosis.score import Score
 _RACERS = 3
 
 
-def far_behind(levels: Sequence[float]) -> list[bool]:
-    """Whether each of some chi2 is not among the best three, and not close to the best; not where it is not finite."""
-    order = np.sort(levels)
-    sound = order[np.isfinite(order)]
-    far = order[0] + max(60.0, min(0.1 * (max(sound) - order[0]), 4.0 * order[0])) if len(sound) else np.inf
-    return [bool(np.isfinite(one) and one > far and np.searchsorted(order, one) >= _RACERS) for one in levels]
-
-
 @dataclasses.dataclass(frozen=True)
 class Race:
     """Which of some fits side by side go on.
@@ -48,9 +40,13 @@ class Race:
             only_misled: only those whose first guess was worse than the smaller set from which they have yet to begin
                 anew. In 45 races with such ones, one of them came first that is given up so, by 22 of 8400.
         """
-        lost = far_behind([*(problem.chi2 for problem in problems), *(fit.chi2 for fit in ended)])
-        for problem, far in zip(problems, lost, strict=False):
-            problem.finished |= far and (problem.resting is not None or not only_misled)
+        levels = np.sort([*(problem.chi2 for problem in problems), *(fit.chi2 for fit in ended)])
+        best, worst = levels[0], max(levels[np.isfinite(levels)], default=np.inf)
+        for problem in problems:
+            behind = np.searchsorted(levels, problem.chi2) >= _RACERS and np.isfinite(problem.chi2)
+            far = problem.chi2 > best + max(60.0, min(0.1 * (worst - best), 4.0 * best))
+            if behind and far and (problem.resting is not None or not only_misled):
+                problem.finished = True
         if not only_misled:
             self._too_dear(problems, ended)
 

@@ -24,7 +24,7 @@ from torch_activegp.diagnosis.proposals import (
     with_values,
     without_weak,
 )
-from torch_activegp.diagnosis.prospects import hopeless, is_developed
+from torch_activegp.diagnosis.prospects import cannot_win, hopeless, is_alike
 from torch_activegp.diagnosis.repeated import repeated
 from torch_activegp.diagnosis.runs import Array
 from torch_activegp.diagnosis.score import Score
@@ -136,7 +136,9 @@ def search(
         if shooting.work > depth.work:
             selection.cut_short = True
             break
-        beam = [f for f in selection.ranked() if frozenset(f.effects) not in expanded | skipped]
+        known = expanded | skipped
+        fresh = (f for f in selection.ranked() if frozenset(f.effects) not in known)
+        beam = [f for f in fresh if not is_alike(selection, f, expanded)]
         beam = [f for f in beam[:BEAM] if selection.score(f) <= selection.score(selection.best) + selection.score.slack]
         if not beam and frozenset() not in expanded and hopeless(selection, shooting):
             beam = [selection.nominal]  # what was found on a part of the data led astray: from the beginning, on all
@@ -147,7 +149,7 @@ def search(
         for fit in beam:
             lost = bool(fit.effects) and hopeless(selection, shooting, least=2)
             room = selection.score.names_in(fit.effects) < MAX_EFFECTS and selection.may_pay(fit, shooting.dof)
-            if not room or lost or is_developed(selection, fit, expanded):
+            if not room or lost or cannot_win(selection, fit, expanded):
                 skipped.add(frozenset(fit.effects))
                 continue
             expanded.add(frozenset(fit.effects))
