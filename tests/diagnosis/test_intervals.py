@@ -68,6 +68,27 @@ def test_what_the_scores_do_not_tell_from_nothing_is_not_certain(bench) -> None:
         assert is_certain(bench.shooting, wild, law)  # how much says little of whether
 
 
+def test_what_nothing_depends_on_has_a_finite_interval_that_says_nothing(bench) -> None:
+    """Such as the place of a stop without stiffness."""
+    fit = bench.fit("viscous_friction", 0.05)
+    stop = bench.effect("joint_stop")
+    unseen = np.zeros((3, 3))
+    unseen[1, 1] = 1e4
+    there = dataclasses.replace(
+        fit,
+        effects=(stop,),
+        values=(np.array([0.0, 0.3, 0.5]),),
+        information=unseen,
+        scores=np.zeros((len(fit.scores), 3)),
+    )
+    for name, estimate in estimates(bench.shooting, there, stop).items():
+        low, high = estimate.ci95
+        assert np.isfinite([low, high]).all()
+        assert low <= estimate.value <= high
+        assert high - low > (0.01 if name == "damping" else 10.0)
+    assert estimates(bench.shooting, there, stop)["damping"].ci95[1] < 1.0
+
+
 def _recorded(bench, rng, recordings, each, excitement, alike):
     """A shooting of some recordings, and a fit of two parameters with what is alike within each among its scores."""
     run = np.repeat(np.arange(recordings), each)

@@ -16,7 +16,7 @@ _LEVEL = 0.975
 _RECORDINGS = 4
 """Fewer recordings say little of their spread. Where they differ and nothing else counts, 95 % intervals cover 86 %
 with four of them and 92 % with twelve."""
-_WIDEST = 5.0
+_WIDEST, _UNSEEN = 5.0, 150.0
 """Ends at most 150 times the value away: more says no more."""
 
 
@@ -110,12 +110,13 @@ def estimates(shooting: Shooting, fit: Fit, effect: Effect) -> dict[str, Estimat
     wide = float(stats.t.ppf(_LEVEL, _free(shooting, fit)))
     errors = standard_errors(shooting, fit, effect)
     center = effect.describe(fit.values[fit.effects.index(effect)])
-    return {
-        name: Estimate(
-            value, _unit(effect, name, i), _interval(value, wide * errors[name], name in effect.never_negative)
-        )
-        for i, (name, value) in enumerate(center.items())
-    }
+    out = {}
+    for i, (name, value) in enumerate(center.items()):
+        half = wide * errors[name]
+        if not 0.0 < half < np.inf:  # nothing that was recorded depends on it
+            half = _UNSEEN * max(abs(value), effect.parameters[min(i, len(effect.parameters) - 1)].scale)
+        out[name] = Estimate(value, _unit(effect, name, i), _interval(value, half, name in effect.never_negative))
+    return out
 
 
 def _interval(value: float, half: float, never_negative: bool) -> tuple[float, float]:
