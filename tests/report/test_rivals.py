@@ -37,6 +37,21 @@ def test_all_that_tie_are_marked(fakes: Any) -> None:
     assert [row["tag"] for row in rivals(*fakes["tie"]()).content["rows"]] == ["tied", "tied", "", ""]
 
 
+@pytest.mark.parametrize(("gap", "word"), [(284.0, "the same law"), (4.0, "less likely")])
+def test_a_law_by_another_name_is_not_ruled_out_by_what_its_name_costs(gap: float, word: str) -> None:
+    def effect(name: str, *ties: str) -> dict[str, Any]:
+        target = {"target": "joint:elbow"}
+        return {"name": name, **target, "ties": [{"name": tie, **target} for tie in ties]}
+
+    dry, push, two = effect("coulomb_friction", "asymmetric_friction"), effect("constant_force"), "asymmetric_friction"
+    sets = [[dry, push], [effect(two)], [effect(two), effect("cogging")], [push], []]
+    found = [{"effects": effects, "delta_bic": 300.0 * i} for i, effects in enumerate(sets)]
+    found[1]["delta_bic"] = gap
+    rows = rivals({"verdict": "tie", "effects": [dry], "rivals": found}, {}).content["rows"]
+    assert [row["tag"] for row in rows] == ["tied", "tied", "", "", ""]
+    assert [row["word"] for row in rows] == ["", word, *["ruled out"] * 3]
+
+
 def test_the_many_rivals_go_behind_a_fold(fakes: Any) -> None:
     diagnosis, evidence = fakes["named"]()
     content = rivals(diagnosis | {"rivals": diagnosis["rivals"] * 2}, evidence).content

@@ -13,6 +13,8 @@ _HARDLY = 1e-12
 _CLOSE = 2.0
 _LONG = 2
 """A set of more effects than these that contains the best one is told by what it adds."""
+_TIE, _SAME = 6.0, "the same law"
+"""Ties whose names cost more than the recordings could tell apart."""
 _TAGS = {"none": "the verdict", "named": "the verdict", "tie": "tied", "unknown": "not enough"}
 
 
@@ -23,9 +25,12 @@ def rivals(diagnosis: Values, evidence: Values) -> Section | None:
         return None
     named = _key(diagnosis.get("effects") or [])
     rows = [_row(rival, found[0], named) for rival in found]
-    for row in rows:
-        if row["named"] or (diagnosis["verdict"] == "tie" and row["close"]):
+    for row, rival in zip(rows, found, strict=True):
+        stands_in = _stands_in(rival, found[0], diagnosis)
+        if row["named"] or stands_in or (diagnosis["verdict"] == "tie" and row["close"]):
             row["tag"] = _TAGS[diagnosis["verdict"]]
+        if stands_in and (_gap(rival, found[0]) or 0.0) > _TIE:
+            row["word"] = _SAME
     content = {"rows": rows[:_FIRST], "more": rows[_FIRST:]}
     return Section("rivals", "Evidence", _heading(diagnosis, found, named), content)
 
@@ -64,6 +69,15 @@ def _name(effects: list[Values], best: list[Values]) -> str:
         known = _key(best)
         return listed(["the same", *(effect_text(effect) for effect in effects if not _key([effect]) <= known)])
     return effects_text(effects)
+
+
+def _stands_in(rival: Values, best: Values, diagnosis: Values) -> bool:
+    """Whether a set is the best one with ties in place of some names: one law by another name, whatever names cost."""
+    keys, effects = _key(rival["effects"]), diagnosis.get("effects") or []
+    ties = [_key(effect.get("ties") or []) for effect in effects]
+    tied = frozenset().union(*ties)
+    each = all(keys & (_key([effect]) | own) for effect, own in zip(effects, ties, strict=True))
+    return bool(each and keys & tied and keys - tied <= _key(best["effects"]))
 
 
 def _gap(rival: Values, best: Values) -> float | None:
