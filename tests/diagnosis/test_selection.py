@@ -257,6 +257,24 @@ def test_a_search_ends_where_it_has_computed_enough(bench) -> None:
     assert 1.0 < middle - begun < 0.9 * (bench.shooting.work - middle)
 
 
+@pytest.mark.parametrize(("much", "developed"), [(1e9, 1), (0.0, 2)])
+def test_of_the_best_two_sets_the_second_is_not_developed_after_that(bench, monkeypatch, much, developed) -> None:
+    seen: list[Fit] = []
+
+    def expand(selection: Selection, shooting: Shooting, effects: object, fit: Fit) -> None:
+        seen.append(fit)
+        monkeypatch.setattr(shooting.engine, "work", shooting.engine.work + much)
+
+    monkeypatch.setattr("torch_activegp.diagnosis.selection._expand", expand)
+    monkeypatch.setattr(Selection, "may_pay", lambda *_: True)
+    wet = bench.fit("viscous_friction", 0.05)
+    near = dataclasses.replace(bench.fit("quadratic_drag", 0.05), chi2=wet.chi2 + 1.0)
+    selection = Selection(bench.nominal, [bench.nominal, wet, near], Score(bench.shooting.samples, 60, 2.0))
+    monkeypatch.setattr(Selection, "rescale", lambda *_: None)
+    search(selection, bench.shooting, [], set(), lambda words: None, Depth(1, 0).counted_from(bench.shooting.work))
+    assert len(seen) == developed
+
+
 @pytest.mark.parametrize(("scale", "developed"), [(1.0, 0), (1.5, 1)])
 def test_what_costs_more_than_a_best_that_leaves_noise_alone_is_not_developed(
     bench, monkeypatch, scale: float, developed: int

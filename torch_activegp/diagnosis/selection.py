@@ -147,6 +147,8 @@ def search(
                 break
             continue
         for fit in beam:
+            if shooting.work > depth.work:
+                break
             lost = bool(fit.effects) and hopeless(selection, shooting, least=2)
             room = selection.score.names_in(fit.effects) < MAX_EFFECTS and selection.may_pay(fit, shooting.dof)
             if not room or lost or cannot_win(selection, fit, expanded):
