@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import functools
+import itertools
 from collections.abc import Callable, Iterator, Sequence
 from typing import NamedTuple
 
@@ -146,12 +147,8 @@ def search(
             if not next(resorts, False):
                 break
             continue
-        for fit in beam:
-            if shooting.work > depth.work:
-                break
-            lost = bool(fit.effects) and hopeless(selection, shooting, least=2)
-            room = selection.score.names_in(fit.effects) < MAX_EFFECTS and selection.may_pay(fit, shooting.dof)
-            if not room or lost or cannot_win(selection, fit, expanded):
+        for fit in itertools.takewhile(lambda _: shooting.work <= depth.work, beam):
+            if not _is_promising(selection, shooting, fit, expanded):
                 skipped.add(frozenset(fit.effects))
                 continue
             expanded.add(frozenset(fit.effects))
@@ -159,6 +156,13 @@ def search(
             _expand(selection, shooting, effects, fit)
         _simplify(selection, shooting, effects)
         selection.rescale(shooting.dof)
+
+
+def _is_promising(selection: Selection, shooting: Shooting, fit: Fit, expanded: set[frozenset[Effect]]) -> bool:
+    """Whether one more name may come on top of a set, and make it the best."""
+    lost = bool(fit.effects) and hopeless(selection, shooting, least=2)
+    room = selection.score.names_in(fit.effects) < MAX_EFFECTS and selection.may_pay(fit, shooting.dof)
+    return room and not lost and not cannot_win(selection, fit, expanded)
 
 
 def _resorts(
