@@ -1,6 +1,7 @@
 from __future__ import annotations
 
 import os
+import runpy
 import subprocess
 import sys
 from collections.abc import Callable
@@ -70,6 +71,16 @@ def test_a_command_on_recordings_teaches_in_eighty_columns(
 def test_the_version(run: Callable[..., Result]) -> None:
     result = run("--version")
     assert (result.exit_code, result.output) == (0, f"torch-activegp {torch_activegp.__version__}\n")
+
+
+def test_python_runs_the_package_as_the_command(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setattr("sys.argv", ["torch-activegp", "--version"])
+    with pytest.raises(SystemExit) as end:
+        runpy.run_module("torch_activegp", run_name="__main__")
+    assert not end.value.code
+    assert capsys.readouterr().out.startswith("torch-activegp ")
 
 
 def test_the_entry_point_calls_the_application(

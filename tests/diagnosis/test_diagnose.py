@@ -2,6 +2,7 @@ from __future__ import annotations
 
 import dataclasses
 import json
+from pathlib import Path
 from types import SimpleNamespace
 from typing import Self
 
@@ -40,6 +41,12 @@ def test_nothing_is_named_where_nothing_was_left_out(diagnosed) -> None:
     assert found.details["mismatch"]["detected"] is False
     assert found.details["mismatch"]["p_value"] > 0.001
     assert "next.csv" not in found.files
+
+
+@pytest.mark.parametrize("path", ["runs/*.csv", Path("run.csv")])
+def test_a_path_in_place_of_recordings_is_refused(bench, path: str | Path) -> None:
+    with pytest.raises(ConfigurationError, match=r"found a path. Read them: load_recordings\('run"):
+        diagnose(bench.xml, path)
 
 
 def test_a_bump_over_the_position_is_unknown(diagnosed) -> None:

@@ -9,7 +9,15 @@ import pandas as pd
 import pytest
 
 from torch_activegp.diagnosis.engine import Engine
-from torch_activegp.diagnosis.experiment import SECONDS, _beyond, _limits, _multisine, _reach, next_experiment
+from torch_activegp.diagnosis.experiment import (
+    SECONDS,
+    _beyond,
+    _limits,
+    _multisine,
+    _reach,
+    _replayed,
+    next_experiment,
+)
 
 
 @pytest.fixture(scope="module")
@@ -124,7 +132,7 @@ def test_trials_that_stay_near_go_before_those_that_tell_more(bench, rivals, mon
     monkeypatch.setattr("torch_activegp.diagnosis.experiment._NEAR", -0.5)
     away = next_experiment(*arguments)[0]
     assert away["predicted_gain"] == pytest.approx(most)
-    assert "simulate them first" in away["why"]
+    assert away["why"].startswith("Simulate them first: none were found that tell and keep the machine near; hip ")
 
 
 def test_near_is_half_the_range_seen_beyond_its_ends_and_within_the_limits(bench) -> None:
@@ -135,3 +143,11 @@ def test_near_is_half_the_range_seen_beyond_its_ends_and_within_the_limits(bench
     held = _reach(Engine(limited, bench.engine.channels, 2, 1), bench.machine.fit)
     np.testing.assert_allclose(held[0], seen.min() - np.deg2rad(1.0))
     np.testing.assert_array_equal(held[1], reach[1])
+
+
+def test_some_controls_stay_close_to_what_the_first_recording_had(bench) -> None:
+    run = bench.machine.fit[0]
+    replayed = _replayed(run, len(run.control) + 5, np.array([0.25]))
+    np.testing.assert_array_equal(replayed[:-5], run.control)
+    assert (replayed[-5:] == 0.25).all()
+    np.testing.assert_array_equal(_replayed(run, 7, np.zeros(1)), run.control[:7])

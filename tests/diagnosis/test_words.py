@@ -24,6 +24,21 @@ def test_unknown_says_where(location, words) -> None:
     assert words in sentence("unknown", (), {**ERROR, "location": location})
 
 
+@pytest.mark.parametrize(
+    ("targets", "share", "ending"),
+    [
+        ((), 1.0, "explains it."),
+        (("a",), 0.6, "explains it."),
+        (("a",), 0.02, "explains it: drag at a leaves 2.7e+03 times the noise (chi2 per dof)."),
+        (("a", "b"), 0.02, "explains it: drag at a and drag at b leave 2.7e+03 times the noise (chi2 per dof)."),
+    ],
+)
+def test_unknown_says_what_came_closest(targets, share, ending) -> None:
+    effects = [{"name": "drag", "target": target} for target in targets]
+    found = {"rivals": [{"effects": effects, "chi2_per_dof": 2703.0}], "unexplained": {"share": share}}
+    assert sentence("unknown", (), {**ERROR, **found}).endswith(ending)
+
+
 def test_named_effects_are_listed_with_what_they_explain_together() -> None:
     text = sentence("named", [named("a", 0.5), named("b", 0.2), named("c", 0.1)], ERROR)
     assert text == (
@@ -52,6 +67,11 @@ def test_ties_of_several_effects_are_told_apart() -> None:
 def test_an_error_that_grows_is_not_said_to_fall() -> None:
     worse = {"fit": {"holdout": {"free_run": {"before": 0.1, "after": 0.2, "noise": 0.009}}}, "location": []}
     assert "rises from 0.1 to 0.2" in sentence("named", [named("a", 0.9)], worse)
+
+
+def test_an_error_that_hardly_changes_stays() -> None:
+    same = {"fit": {"holdout": {"free_run": {"before": 0.02251, "after": 0.02253, "noise": 0.009}}}, "location": []}
+    assert "held-out runs stays at 0.0225 (noise" in sentence("named", [named("a", 0.9)], same)
 
 
 @pytest.mark.parametrize(

@@ -1,6 +1,7 @@
 from __future__ import annotations
 
 import dataclasses
+import re
 
 import mujoco
 import numpy as np
@@ -23,14 +24,21 @@ def scaled(bench, factor: float, noise: float | None = None):
     ]
 
 
-def check(bench, runs) -> None:
-    check_units(bench.machine.model, bench.machine.channels, runs)
+def check(bench, runs) -> list[str]:
+    return check_units(bench.machine.model, bench.machine.channels, runs)
 
 
 def test_degrees_are_refused_and_named(bench) -> None:
-    check(bench, scaled(bench, 1.0))
+    assert check(bench, scaled(bench, 1.0)) == []
     with pytest.raises(DataError, match=r'qpos\.hip.*in deg it would not.*unit = "deg"'):
         check(bench, scaled(bench, 180 / np.pi))
+
+
+def test_what_another_unit_would_explain_but_not_all_is_doubted(bench, monkeypatch) -> None:
+    monkeypatch.setattr("torch_activegp.diagnosis.wrong_units._GOOD", 0.0)
+    (doubt,) = check(bench, scaled(bench, 180 / np.pi))
+    assert re.search(r"would take \d+ times the forces that the model has; in deg 0\.\d\. If so, name it", doubt)
+    assert check(bench, scaled(bench, 1.0)) == []
 
 
 def test_where_motion_is_prescribed_nothing_is_said(bench) -> None:

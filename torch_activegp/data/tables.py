@@ -45,7 +45,10 @@ def read_table(path: Path) -> pd.DataFrame:
     except _DAMAGE as error:
         raise DataError(f"{path.name}: {_damage(suffix, error)}") from error
     if table.empty:
-        raise DataError(f"{path.name}: no data rows found, column names are {', '.join(map(str, table.columns))}.")
+        raise DataError(
+            f"{path.name}: no data rows found, column names are {', '.join(map(str, table.columns))}. "
+            "Record again or leave it out."
+        )
     return table
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -32,6 +33,7 @@ from torch_activegp.diagnosis.runs import Array, input_addresses, median_step
 from torch_activegp.diagnosis.source import Source, read_source
 from torch_activegp.diagnosis.verdict import Verdict, decide
 from torch_activegp.diagnosis.words import sentence
+from torch_activegp.errors import ConfigurationError
 from torch_activegp.physics.effect import Effect
 
 _SHOWN = 8
@@ -77,6 +79,11 @@ def diagnose(
     """
     say = tell or (lambda words, done: None)
     say("reading", 0.0)
+    for given in (recordings, holdout):
+        if isinstance(given, str | Path):
+            raise ConfigurationError(
+                f"diagnose: recordings wanted, found a path. Read them: load_recordings({str(given)!r})."
+            )
     source = read_source(model)
     machine = make_machine(source.model, recordings, holdout, source.box)
     tried = effects_for(machine.model, machine.channels, machine.fit, effects)

@@ -46,15 +46,16 @@ def evaluate(model: object, recordings: Sequence[Recording], nthread: int = 0) -
     channels = Channels.of(source.model, recordings)
     runs = [make_run(recording, source.model, channels) for recording in recordings]
     if source.box is None:
-        check_units(source.model, channels, runs)
+        doubts = check_units(source.model, channels, runs)
         engine = Engine(source.model, channels, substeps_for(source.model, runs), nthread)
         begin_drives([engine], runs)
     else:
+        doubts = []
         check_recordings(source.box, recordings)
         engine = BlackBoxEngine(source.box, channels, check_clock(source.box, runs))
     noise = noise_floor(runs)
     errors, _ = compare({"error": (engine, NOMINAL)}, runs, channels.joints, noise)
-    notes = _notes(source.model, channels, recordings)
+    notes = [*doubts, *_notes(source.model, channels, recordings)]
     return {**{key: errors[key] for key in ("runs", "one_step", "free_run")}, "notes": notes}
 
 

@@ -7,7 +7,6 @@ from collections.abc import Callable
 from typing import Any, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from torch_activegp.diagnosis.engine import Candidate, Engine
 from torch_activegp.diagnosis.fit import Fit
@@ -16,7 +15,9 @@ from torch_activegp.diagnosis.runs import Array, Run, input_addresses
 from torch_activegp.diagnosis.segments import Segments, cut
 
 SECONDS = 5.0
-_TRIALS = 24
+_TRIALS, _REPLAYED = 16, 8
+_BESIDE = 0.3
+"""Part of a multisine that is added to the recorded control: what drifts away under any other stays nearer so."""
 _NEAR = 0.5
 _LEAST = 4.0
 """Models that differ by less chi2 than this are not told apart by one more recording."""
@@ -45,8 +46,9 @@ def next_experiment(
 ) -> tuple[dict[str, Any], str] | None:
     """Chooses, among random multisines within the actuators' limits, the control under which two models differ most.
 
-    Controls stay within those seen and within the actuators' limits, around their mean. Those under which both models
-    stay near the positions seen go before all others.
+    Some of them are added to the control of the first recording. Controls stay within those seen and within the
+    actuators' limits, around their mean. Those under which both models stay near the positions seen go before all
+    others.
 
     This is the acquisition of the exploring loop with the rivals' predicted difference in place of the discrepancy.
 
@@ -72,6 +74,9 @@ def next_experiment(
     rng = np.random.default_rng(seed)
     time: Array = step * np.arange(rows, dtype=float)
     trials = [_multisine(rng, time, low, middle, high) for _ in range(_TRIALS)]
+    before = _replayed(runs[0], rows - 1, middle)
+    aside = [_BESIDE * (_multisine(rng, time, low, middle, high) - middle) for _ in range(_REPLAYED)]
+    trials += [np.clip(before + more, low, high) for more in aside]
     start = engine.starts(cut([runs[0]], 1e9, 0.0))[0]
     joints = len(engine.channels.joints)
     made = [
@@ -93,26 +98,42 @@ def next_experiment(
     both = [Candidate(fit.effects, fit.values) for fit in rivals[:2]]
     states = np.repeat(states, 2, axis=0)
     reach = _reach(engine, runs)
-    apart, near = _apart(cheap or engine, segments, states, both, noise, reach)
-    tells = near & (apart >= _LEAST)
+    apart, away = _apart(cheap or engine, segments, states, both, noise, reach)
+    tells = (away <= 0.0).all(axis=1) & (apart >= _LEAST)
     best = int(np.argmax(apart * tells if tells.any() else apart))
-    gains, stays = _apart(engine, segments.pick(np.array([best])), states[:, [best]], both, noise, reach)
+    gains, away = _apart(engine, segments.pick(np.array([best])), states[:, [best]], both, noise, reach)
     if gains[0] < _LEAST:
         return None
     told = telling or _names(rivals[0], rivals[1])
-    seen = "of controls and near the positions seen"
-    if not stays[0]:
-        seen = "of controls, not of positions: simulate them first"
+    seen, caution = "of controls and near the positions seen", ""
+    if (away[0] > 0.0).any():
+        seen, caution = "of controls", f"Simulate them first: {_leaving(engine, away[0])}. "
     entry = {
         "separates": told.separates,
         "why": (
-            f"{told.sentence(float(gains[0]))} ({SECONDS:g} s, within the limits seen {seen}); "
+            f"{caution}{told.sentence(float(gains[0]))} ({SECONDS:g} s, within the limits seen {seen}); "
             f"start where {runs[0].label} started."
         ),
         "controls": "next.csv",
         "predicted_gain": float(gains[0]),
     }
     return entry, _csv(engine, time, trials[best])
+
+
+def _replayed(run: Run, rows: int, rest: Array) -> Array:
+    """The control of a run, ``(rows, nu)``; at rest after its end."""
+    out = np.tile(rest, (rows, 1))
+    out[: len(run.control)] = run.control[:rows]
+    return out
+
+
+def _leaving(engine: Engine, away: Array) -> str:
+    """Which joint goes how far beyond what is near, from excesses ``(C,)``, m or rad."""
+    worst = int(np.argmax(away))
+    unit = "rad" if engine.channels.hinge[worst] else "m"
+    far = f"by {away[worst]:.3g} {unit}" if np.isfinite(away[worst]) else "for good"
+    joint = engine.channels.joints[worst]
+    return f"none were found that tell and keep the machine near; {joint} leaves the positions seen {far}"
 
 
 def _names(one: Fit, other: Fit) -> Telling:
@@ -135,8 +156,8 @@ def _beyond(fit: Fit, other: Fit) -> str:
 
 def _apart(
     engine: Engine, segments: Segments, starts: Array, both: list[Candidate], noise: NoiseModel, reach: Array
-) -> tuple[Array, NDArray[np.bool_]]:
-    """By how much chi2 two models differ in each trial, 0 where a simulation fails; and whether both stay near.
+) -> tuple[Array, Array]:
+    """By how much chi2 two models differ in each trial, 0 where a simulation fails; and how far they go astray.
 
     Args:
         engine: simulates.
@@ -147,12 +168,13 @@ def _apart(
         reach: least and largest positions that are near, ``(2, C)``.
 
     Returns:
-        Both ``(S,)``.
+        ``(S,)``, and ``(S, C)`` beyond what is near, m or rad: 0 where all is near, infinite where a simulation fails.
     """
     predicted = engine.predict(segments, starts, both)[0]
     one, other = predicted
-    near = ((predicted >= reach[0]) & (predicted <= reach[1])).all(axis=(0, 2, 3))
-    return np.nan_to_num((((one - other) / noise.scale) ** 2).sum(axis=(1, 2)), posinf=0.0), near
+    beyond = np.maximum(predicted - reach[1], reach[0] - predicted)
+    away = np.maximum(np.nan_to_num(beyond, nan=np.inf).max(axis=(0, 2)), 0.0)
+    return np.nan_to_num((((one - other) / noise.scale) ** 2).sum(axis=(1, 2)), posinf=0.0), away
 
 
 def _reach(engine: Engine, runs: tuple[Run, ...]) -> Array:

@@ -71,8 +71,7 @@ def make_machine(
     kept = [make_run(recording, model, channels) for recording in holdout]
     _refuse_constant(fit, channels)
     if box is None:
-        check_units(model, channels, fit)
-        check_units(model, channels, kept)
+        notes += [*check_units(model, channels, fit), *check_units(model, channels, kept)]
         check_signs(model, channels, fit)
     else:
         check_recordings(box, [*recordings, *holdout])

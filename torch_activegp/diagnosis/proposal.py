@@ -77,7 +77,9 @@ def least_certain(fit: Fit, scale: float) -> tuple[list[Fit], Telling] | None:
     low, high = bounds(fit.effects)
     ends = [np.clip(flat + side * moved, low, high) for side in (-1.0, 1.0)]
     effect, parameter = [(e, p) for e in fit.effects for p in e.parameters][place]
-    what, unit = f"{parameter.name} of {effect.name} at {effect.target}", f" {parameter.unit}".rstrip()
+    known = parameter.name in effect.describe(fit.by_effect[effect])  # the sine of a cogging is no name for its users
+    what = f"{parameter.name if known else 'strength'} of {effect.name} at {effect.target}"
+    unit = f" {parameter.unit}".rstrip()
 
     def sentence(gain: float) -> str:
         narrower = error[place] / np.sqrt(1.0 + gain / (2.0 * _ENDS) ** 2)

@@ -231,7 +231,8 @@ def _check_columns(recording: Recording, model: mujoco.MjModel, names: Mapping[s
         if actuator not in actuators:
             raise DataError(
                 f"{recording.label}, column `ctrl.{actuator}`: the model has no actuator `{actuator}`; its "
-                f"actuators are {', '.join(sorted(actuators)) or 'none'}. Rename the column, or map it."
+                f"actuators are {', '.join(sorted(actuators)) or 'none'}. Rename the column, or map it "
+                "(--columns MAP.toml)."
             )
 
 

@@ -7,6 +7,8 @@ from typing import Any
 
 from torch_activegp.diagnosis.result import NamedEffect
 
+_MOST = 0.5
+"""Part of the mismatch that the closest set may leave and be told."""
 _MUCH_LEFT = 3.0
 """Chi2 per degree of freedom from which on the names are said not to be all."""
 
@@ -24,7 +26,9 @@ def sentence(verdict: str, effects: Sequence[NamedEffect], details: Mapping[str,
     if verdict == "unknown":
         places = [place["target"] for place in details["location"][:1]]
         where = f", most of it at {places[0]}" if places else ""
-        return f"The simulator and the recordings differ{where}, and no effect on the list explains it."
+        return (
+            f"The simulator and the recordings differ{where}, and no effect on the list explains it{_closest(details)}."
+        )
     share = sum(effect.share for effect in effects)
     parts = [
         ("leaves out", [e for e in effects if not e.too_much]),
@@ -34,14 +38,26 @@ def sentence(verdict: str, effects: Sequence[NamedEffect], details: Mapping[str,
         f"{verb} {_joined([f'{effect.name} at {effect.target}' for effect in some])}" for verb, some in parts if some
     )
     error = details["fit"]["holdout"]["free_run"]
-    moves = "falls" if error["after"] <= error["before"] else "rises"
-    better = f"with it, the free-run error on held-out runs {moves} from {error['before']:.3g} to {error['after']:.3g}"
+    before, after = (f"{error[key]:.3g}" for key in ("before", "after"))
+    moves = f"{'falls' if error['after'] <= error['before'] else 'rises'} from {before} to {after}"
+    better = f"with it, the free-run error on held-out runs {moves if before != after else f'stays at {after}'}"
     noise = f"(noise {error['noise']:.2g})"
     text = f"The simulator {wrong}, explaining {share:.0%} of the mismatch; {better} {noise}"
     if verdict == "tie":
         tied = [effect for effect in effects if effect.ties]
         text = f"{text}; the recordings cannot tell {_joined([_tied(effect, len(effects) > 1) for effect in tied])}"
     return f"{text}{_rest(details)}."
+
+
+def _closest(details: Mapping[str, Any]) -> str:
+    """What came closest, and what it leaves, where that is the smaller part."""
+    best = next(iter(details.get("rivals", ())), None)
+    if best is None or not best["effects"] or details["unexplained"]["share"] > _MOST:
+        return ""
+    names = _joined([f"{effect['name']} at {effect['target']}" for effect in best["effects"]])
+    return (
+        f": {names} leave{'s' * (len(best['effects']) == 1)} {best['chi2_per_dof']:.3g} times the noise (chi2 per dof)"
+    )
 
 
 def _rest(details: Mapping[str, Any]) -> str:

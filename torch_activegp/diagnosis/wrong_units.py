@@ -23,6 +23,8 @@ _BAD = 3.0
 """Forces that the model lacks, over those that it has, from which a unit is doubted."""
 _GOOD = 1.0
 """The same in another unit, which then must be right."""
+_MAYBE = 3.0
+"""The same up to which a doubt is said: a load that swings takes little, and what is missing counts beside it."""
 _BETTER = 10.0
 _SLIPS = {True: {"deg": 180 / np.pi}, False: {"mm": 1e3, "cm": 1e2}}
 """Units that positions of hinges and of slides are taken for SI in."""
@@ -39,7 +41,7 @@ class Motion:
     force: Array
 
 
-def check_units(model: mujoco.MjModel, channels: Channels, runs: Sequence[Run]) -> None:
+def check_units(model: mujoco.MjModel, channels: Channels, runs: Sequence[Run]) -> list[str]:
     """Refuses positions that need many times the forces that the model has, and would not in another unit.
 
     A motion in degrees that is read as radians is 57 times as large, and so is what it takes to accelerate it. What a
@@ -51,12 +53,16 @@ def check_units(model: mujoco.MjModel, channels: Channels, runs: Sequence[Run]) 
         channels: the recorded joints.
         runs: for fitting.
 
+    Returns:
+        A doubt, in a sentence, where another unit would explain most of such forces, but not all.
+
     Raises:
         DataError: some joints seem to be recorded in another unit.
     """
+    doubts: list[str] = []
     found = balance(model, channels, runs)
     if found is None:
-        return
+        return doubts
     motion, missing, there = found
     for unit, slip, which in _guesses(channels):
         before = float((missing / there)[which].max())
@@ -64,14 +70,19 @@ def check_units(model: mujoco.MjModel, channels: Channels, runs: Sequence[Run]) 
             continue
         others, base = forces_of(model, channels, motion, np.where(which, 1.0 / slip, 1.0))
         after = float((others / base)[which].max()) if (base > 0.0).all() else np.inf
-        if after < _GOOD and before > _BETTER * after:
+        if after < _MAYBE and before > _BETTER * after:
             joint = channels.joints[int(np.flatnonzero(which)[0])]
             worst = _worst(model, channels, runs, which)
-            raise DataError(
+            less, name = ("it would not", "Name the unit") if after < _GOOD else (f"{after:.1f}", "If so, name it")
+            message = (
                 f"{worst}, column `qpos.{joint}`: rad or m wanted, but this motion would take {before:.0f} "
-                f"times the forces that the model has; in {unit} it would not. Name the unit in a column map "
+                f"times the forces that the model has; in {unit} {less}. {name} in a column map "
                 f'(--columns MAP.toml): qpos.{joint} = {{ column = "qpos.{joint}", unit = "{unit}" }}.'
             )
+            if after < _GOOD:
+                raise DataError(message)
+            doubts.append(message)
+    return doubts[:1]
 
 
 def balance(model: mujoco.MjModel, channels: Channels, runs: Sequence[Run]) -> tuple[Motion, Array, Array] | None:
