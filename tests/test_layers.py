@@ -22,6 +22,7 @@ LAYERS = (
     ("loops",),
     ("experiments", "report", "testing"),
     ("cli",),
+    ("__main__",),
 )
 RANK = {name: rank for rank, layer in enumerate(LAYERS) for name in layer}
 MAX_LINES = 300
