@@ -68,12 +68,18 @@ def is_certain(shooting: Shooting, fit: Fit, effect: Effect) -> bool:
         effect: of the set.
     """
     amplitudes = fit.by_effect[effect]
-    first = sum(len(fit.by_effect[other]) for other in fit.effects[: fit.effects.index(effect)])
-    where = slice(first, first + amplitudes.size)
+    where = _columns(fit, effect)
     if effect.linear < amplitudes.size or not fit.information[where, where].any():
         return True
     far = wald(amplitudes, covariance(shooting, fit)[where, where]) / amplitudes.size
     return bool(far > stats.f.ppf(2 * _LEVEL - 1, amplitudes.size, _free(shooting, fit)))
+
+
+def _columns(fit: Fit, effect: Effect) -> slice:
+    """Where the parameters of an effect are among those of a fit."""
+    k = fit.effects.index(effect)
+    first = sum(len(v) for v in fit.values[:k])
+    return slice(first, first + len(fit.values[k]))
 
 
 def _free(shooting: Shooting, fit: Fit) -> int:
@@ -91,10 +97,8 @@ def standard_errors(shooting: Shooting, fit: Fit, effect: Effect, recordings: bo
 
     See :func:`covariance` for the arguments.
     """
-    k = fit.effects.index(effect)
-    first = sum(len(v) for v in fit.values[:k])
-    values = fit.values[k]
-    block = covariance(shooting, fit, recordings)[first : first + len(values), first : first + len(values)]
+    values, where = fit.by_effect[effect], _columns(fit, effect)
+    block = covariance(shooting, fit, recordings)[where, where]
     center = effect.describe(values)
     steps = 1e-4 * np.maximum(np.abs(values), [p.scale for p in effect.parameters])
     moved = [effect.describe(values + step) for step in np.diag(steps)]

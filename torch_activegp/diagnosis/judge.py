@@ -286,7 +286,7 @@ def as_one(
     values, two_sided = best.by_effect, (TWO_SIDED, effect.target)
     if effect.name != "coulomb_friction":
         return ()
-    here = any(effect.target in (other.target, getattr(other, "drives", "")) for other in tuned)
+    here = any(getattr(other, "drives", other.target) == effect.target for other in tuned)
     if here and any(two_sided in fit.keys for fit, _, _ in rivals):
         return (two_sided,)
     least = _LOPSIDED * float(values[effect][0])

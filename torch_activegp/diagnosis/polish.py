@@ -12,7 +12,7 @@ from torch_activegp.diagnosis.compared import Selection, compare
 from torch_activegp.diagnosis.fit import Fit
 from torch_activegp.diagnosis.merging import merged
 from torch_activegp.diagnosis.numerics import Sets
-from torch_activegp.diagnosis.proposals import beginning, late_elsewhere
+from torch_activegp.diagnosis.proposals import Set, beginning, late_elsewhere
 from torch_activegp.diagnosis.prospects import NOISE_ALONE
 from torch_activegp.diagnosis.shooting import Shooting
 from torch_activegp.physics.effect import Effect
@@ -58,12 +58,12 @@ def polish(shooting: Shooting, selection: Selection, effects: Sequence[Effect]) 
 
 def _one_for_two(selection: Selection, best: Fit, effects: Sequence[Effect]) -> Sets:
     """The best set with one name in place of two that say the same, where one of the two seemed to cost no name."""
-    found: Sets = []
+    found: list[Set] = []
     for pairs in merged(list(zip(best.effects, best.values, strict=True)), effects):
         some, values = zip(*pairs, strict=True)
         gone = {effect.key for effect in best.effects} - {effect.key for effect in some}
         if gone & selection.score.free and selection.of(some) is None:
-            found = [*found, (some, values)]
+            found.append((some, values))
     return found
 
 

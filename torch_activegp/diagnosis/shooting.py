@@ -51,7 +51,7 @@ class Shooting:
 
     @property
     def lends(self) -> bool:
-        """Whether derivatives of fits come from the cheap engine: where that takes less than a third of the steps."""
+        """Whether derivatives of fits come from the cheap engine: where that takes a third of the steps or fewer."""
         cheap, own = (engine.steps_in(self.segments) for engine in (self.differences, self.engine))
         return _LENDS * cheap <= own
 

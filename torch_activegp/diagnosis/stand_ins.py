@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from torch_activegp.diagnosis.compared import Selection, compare, fitted, without_each
+from torch_activegp.diagnosis.fit import Fit
 from torch_activegp.diagnosis.heats import CLOSE, PART, near
 from torch_activegp.diagnosis.proposals import Set, diverse, join, late_elsewhere, softened
 from torch_activegp.diagnosis.screening import allowed, screen
@@ -91,15 +92,18 @@ def try_tuned(selection: Selection, shooting: Shooting, effects: Sequence[Effect
     for rest in rests:
         fit = fitted(shooting, selection, rest, best)
         selection.add([fit] if selection.of(rest) is None else [])
-        sets += undone(fit, screen(shooting, fit, allowed(tunable, fit)), score.a_parameter * score.scale)
-    fresh = [some for some in sets if selection.of(some[0]) is None]
-    compare(shooting, selection, fresh, best, race=True)
+        sets += _undone(selection, shooting, fit, tunable)
+    compare(shooting, selection, sets, best, race=True)
 
 
 def undo(selection: Selection, shooting: Shooting, effects: Sequence[Effect]) -> None:
     """Fits the best set with all further tunable effects that pay beside it: a tuning moves more than one or two."""
-    best, score = selection.best, selection.score
-    tunable = [effect for effect in effects if effect.tunable]
-    screened = screen(shooting, best, allowed(tunable, best))
-    sets = undone(best, screened, score.a_parameter * score.scale)
-    compare(shooting, selection, [some for some in sets if selection.of(some[0]) is None], best, below=best)
+    best, tunable = selection.best, [effect for effect in effects if effect.tunable]
+    compare(shooting, selection, _undone(selection, shooting, best, tunable), best, below=best)
+
+
+def _undone(selection: Selection, shooting: Shooting, fit: Fit, tunable: Sequence[Effect]) -> list[Set]:
+    """A set with all further tunable effects that pay beside it, where that was not compared."""
+    price = selection.score.a_parameter * selection.score.scale
+    sets = undone(fit, screen(shooting, fit, allowed(tunable, fit)), price)
+    return [some for some in sets if selection.of(some[0]) is None]
