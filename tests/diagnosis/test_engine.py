@@ -200,3 +200,18 @@ def test_runs_of_other_rates_do_not_change_how_a_leapfrog_damps(clean) -> None:
     together = engine.predict(both, np.concatenate([starts, starts])[None], [NOMINAL])[0][0]
     for part, alone in ((together[: fast.size], fast), (together[fast.size :], slow)):
         np.testing.assert_allclose(part, engine.predict(alone, starts[None], [NOMINAL])[0][0], rtol=0, atol=1e-12)
+
+
+def test_a_force_that_is_held_over_steps_of_runge_kutta_is_that_of_their_middle(bench) -> None:
+    """So halving the steps leaves a quarter of the error, and not a half."""
+    wavy, memory = bench.effect("cogging"), bench.effect("hysteresis")
+    candidates = [
+        Candidate((wavy,), (np.array([0.3, 0.2, *wavy.seeds[0][2:]]),)),
+        Candidate((memory,), (np.array([3.0, 0.2]),)),
+    ]
+    starts, read = np.repeat(bench.nominal.starts[None], 2, axis=0), []
+    for substeps in (1, 2, 32):
+        engine = Engine(bench.machine.model, bench.engine.channels, substeps, 1)
+        read.append(engine.predict(bench.segments, starts, candidates)[0])
+    errors = [np.abs(some - read[-1]).max(axis=(1, 2, 3)) for some in read[:2]]
+    assert (errors[0] > 2.5 * errors[1]).all()

@@ -73,3 +73,20 @@ def test_the_cheap_form_by_which_the_nominal_follows_better_is_kept(bench, forms
     monkeypatch.setattr(lengths, "_nominal", lambda shooting: used.append(shooting.engine) or fit(shooting))
     assert longest(bench.machine, forms, bench.shooting.noise, 1.0, found).form is form
     assert set(map(id, used)) == {id(form)}
+
+
+def test_a_segment_that_stands_out_is_halved(bench, forms, monkeypatch) -> None:
+    fit = lengths._nominal
+
+    def stuck(shooting):
+        found = fit(shooting)
+        whole = shooting.segments.size == uncut(bench.machine).size
+        level = np.where(whole & (np.arange(len(found.per_segment)) == 2), 20.0, 1.0)
+        return dataclasses.replace(found, per_segment=level * shooting.segments.samples)
+
+    monkeypatch.setattr(lengths, "_nominal", stuck)
+    noise = bench.shooting.noise
+    assert longest(bench.machine, forms, noise, 60.0).segments.size == uncut(bench.machine).size + 1
+    assert not longest(bench.machine, forms, noise, 100.0).halved  # not near what is too far
+    monkeypatch.setattr(lengths, "_OUT", 25.0)
+    assert not longest(bench.machine, forms, noise, 60.0).halved  # not so far from the others

@@ -9,6 +9,7 @@ from torch_activegp.physics import Place
 from torch_activegp.physics.friction import AsymmetricCoulomb, CoulombFriction
 from torch_activegp.physics.inertia import CenterOfMassOffset, GravityError, pulls_of_gravity
 from torch_activegp.physics.payload import DensityError, PayloadAside, PayloadMass
+from torch_activegp.physics.springs import CenteredSpring, CubicSpring, LinearSpring
 
 BOX = """<mujoco><worldbody><body name="base"><joint/><geom size=".1" mass="1"/>
 <body name="scoop" pos="1 0 0"><joint axis="0 1 0"/><geom type="box" size=".2 .1 .15" pos=".2 0 -.1" mass="30"/></body>
@@ -82,3 +83,31 @@ def test_dry_friction_and_another_gravity_on_a_slide_are_a_friction_of_two_level
     forces = [[float(two_sided.force(np.zeros(()), np.array(v), found[0][0][1])) for v in (-1.0, 1.0)]]
     assert forces == [pytest.approx([2.0 - 0.4, -2.0 - 0.4])]
     assert not merged([(dry, level), (GravityError.along(1, pulls=gravity.pulls), tilt)], [dry, two_sided])
+
+
+def test_a_spring_and_a_constant_push_are_a_spring_that_rests_elsewhere(bench) -> None:
+    at_zero, resting = (next(e for e in bench.effects if type(e) is kind) for kind in (CenteredSpring, LinearSpring))
+    bias, cubic = (
+        bench.effect("actuator_bias", "actuator:drive"),
+        next(e for e in bench.effects if isinstance(e, CubicSpring)),
+    )
+    tried, wet = [at_zero, resting, cubic], bench.effect("viscous_friction")
+    for constant in (bench.effect("constant_force"), bias):
+        pairs = [(at_zero, np.array([2.0])), (wet, np.array([0.1])), (constant, np.array([0.6]))]
+        [[kept, (form, values)]] = merged(pairs, tried)
+        assert kept == pairs[1]
+        assert form is resting
+        assert form.describe(values) == pytest.approx({"stiffness": 2.0, "rest": 0.3})
+        assert merged([(cubic, np.array([2.0])), pairs[2]], tried) == []
+        assert merged(pairs[:2], tried) == []
+
+
+def test_another_centre_out_of_the_plane_of_a_load_is_a_load_anywhere() -> None:
+    load, shift = PLANES[1], CenterOfMassOffset.along(SCOOP, 0.3, 1)
+    anywhere = PayloadAside.within(SCOOP, MODEL, REACH, (0, 1, 2))
+    pairs = [(load, np.array([1.2, 0.1, 0.05])), (shift, np.array([0.001]))]
+    found = {form: values for [(form, values)] in merged(pairs, [*PLANES, anywhere])}
+    mass, center = moments((anywhere, found[anywhere]))
+    expected_mass, expected_center = moments(*pairs)
+    assert mass == pytest.approx(expected_mass)
+    np.testing.assert_allclose(center, expected_center, atol=1e-12)

@@ -4,7 +4,9 @@ import dataclasses
 
 import numpy as np
 import pytest
+import torch
 
+from torch_activegp.data import noise_std
 from torch_activegp.diagnosis.noise_floor import hides_filters, noise_floor
 from torch_activegp.diagnosis.noise_model import NoiseModel
 
@@ -32,10 +34,23 @@ def test_white_noise_keeps_the_level_of_the_differences(make_plain_run) -> None:
 @pytest.mark.parametrize("poles", [(0.7, 0.0), (0.94, 0.0), (1.6, -0.64)])
 def test_the_filter_is_found_under_a_motion(make_plain_run, poles) -> None:
     """Single poles are hard to tell from near ones: what counts is the spectrum, so the innovation."""
-    run = make_plain_run(motion(8000) + 1e-3 * filtered(poles, 8000), noise=3e-4)
+    position = motion(8000) + 1e-3 * filtered(poles, 8000)
+    run = make_plain_run(position, noise=noise_std(torch.from_numpy(position)))
     found, true = noise_floor([run]), NoiseModel(np.array([1e-3]), np.array([poles]))
     assert found.colour.any()
     assert found.innovation[0] == pytest.approx(true.innovation[0], rel=0.35)
+
+
+def test_a_motion_with_kinks_is_no_colour(make_plain_run) -> None:
+    """A limit cycle in a backlash, 4 Hz: its harmonics reach through the whole band, and the noise is white."""
+    rng, k = np.random.default_rng(0), np.arange(3000)
+    cycle = np.abs((k * 0.0437 + 0.01 * np.cumsum(rng.normal(size=3000))) % 1.0 - 0.5)
+    kinked = 2e-2 * cycle + 5e-5 * rng.normal(size=3000)
+    spectrum_alone = noise_floor([make_plain_run(kinked, noise=1e-3)])  # had differences seen much more
+    assert spectrum_alone.colour.any()
+    found = noise_floor([make_plain_run(kinked, noise=6e-5)])
+    assert not found.colour.any()
+    assert found.scale[0] == pytest.approx(6e-5)
 
 
 def test_a_short_run_a_broken_one_and_a_slow_one_count_as_white(make_plain_run) -> None:

@@ -11,12 +11,12 @@ from numpy.typing import NDArray
 from torch_activegp.diagnosis.blackbox import BlackBox
 from torch_activegp.diagnosis.candidate import Candidate, grouped
 from torch_activegp.diagnosis.controls import Controls, added
-from torch_activegp.diagnosis.engine import Act, Engine, _padded, before_steps, substeps_for
+from torch_activegp.diagnosis.engine import Act, Engine, before_steps, substeps_for
 from torch_activegp.diagnosis.force_gp import Remainder
 from torch_activegp.diagnosis.hermite import position_between, velocity_between
 from torch_activegp.diagnosis.machine import Machine
 from torch_activegp.diagnosis.numerics import Numerics
-from torch_activegp.diagnosis.runs import Array, Channels
+from torch_activegp.diagnosis.runs import Array, Channels, smoothed
 from torch_activegp.diagnosis.segments import Segments
 from torch_activegp.errors import ConfigurationError
 from torch_activegp.physics.effect import Index, Step
@@ -151,7 +151,7 @@ class _Laws:
             elif effect.needs_steps:
                 memory = None
                 if isinstance(effect, JointEffect):
-                    positions = _padded([run.smooth for run in segments.runs], channels, effect.qpos)
+                    positions = smoothed(segments.runs, channels, effect.qpos)
                     if positions is not None:
                         memory = effect.memory(positions, np.tile(starts, (len(which), 1)), repeated)
                 at_both_ends = isinstance(effect, (JointEffect, Remainder))

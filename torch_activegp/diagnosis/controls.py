@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -87,6 +88,11 @@ class Controls:
         if self._shoves is not None:
             control = control + _mean([self._shoves[:, :, self.interval(steps + later)] for later in together])
         return np.asarray(control.reshape(count * size, len(steps), nu))
+
+    def before(self, which: NDArray[np.integer[Any]], rows: int) -> Array:
+        """Mean controls between the last so many rows before some of the simulations, ``(n, rows, nu)``."""
+        steps = self(np.arange(-rows * self._substeps, 0))[which]
+        return np.asarray(steps.reshape(len(which), rows, self._substeps, -1).mean(axis=2))
 
     def interval(self, steps: NDArray[np.int64]) -> NDArray[np.int64]:
         """The interval that some time steps lie in, the first one for those before it."""

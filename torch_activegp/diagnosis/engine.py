@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import copy
+import functools
 import itertools
 import logging
 from collections.abc import Sequence
@@ -19,7 +20,7 @@ from torch_activegp.diagnosis.leapfrog import halve_damping
 from torch_activegp.diagnosis.own_filters import own_filters, without_filters
 from torch_activegp.diagnosis.prescribed_motion import RUNGE_KUTTA, PrescribedMotion, make_heavy
 from torch_activegp.diagnosis.readings import readings
-from torch_activegp.diagnosis.runs import Array, Channels, Run, median_step
+from torch_activegp.diagnosis.runs import Array, Channels, Run, median_step, smoothed
 from torch_activegp.diagnosis.segments import Segments
 from torch_activegp.diagnosis.stepping import Act, Stepping
 from torch_activegp.errors import ConfigurationError
@@ -169,8 +170,8 @@ class Engine:
         fields = self._fields_for(rows, few=rows <= _FEW and (halting or self.channels.prescribed is not None))
         batch = fields.batch
         fields("opt.timestep")[:rows] = np.median(segments.dt) / self.substeps
-        acting, steady = self._acting(segments, candidates, fields)
         controls = Controls(segments, candidates, self.substeps, model.nu, self.filters if self._exact else ())
+        acting, steady = self._acting(segments, candidates, fields, controls)
         inputs = Inputs(segments, candidates, controls, self.substeps, self.stride, self.late, steady)
         batch.state[:rows] = self._reset_row
         flat = starts.reshape(rows, -1)
@@ -188,7 +189,8 @@ class Engine:
         states = np.empty((rows, intervals + 1, self.state_size))
         states[:, 0] = flat
         with warnings_to(_logger.debug), np.errstate(all="ignore"):
-            Stepping(batch, inputs, fields, edges, steps, self.substeps, acting).fill(states)
+            middle = 0.5 * (model.opt.integrator == RUNGE_KUTTA)
+            Stepping(batch, inputs, fields, edges, steps, self.substeps, acting, middle).fill(states)
         if self.stride > 1:
             _fill(states, edges, np.tile(segments.dt, (count, 1)), model.nq)
         failed = (batch.warning[:rows, :, 1] > 0).any(axis=1) | (batch.status[:rows] != 0)
@@ -196,7 +198,9 @@ class Engine:
         fields.restore(model)
         return states.reshape(count, size, intervals + 1, self.state_size)
 
-    def _acting(self, segments: Segments, candidates: Sequence[Candidate], fields: _Fields) -> tuple[list[Act], Array]:
+    def _acting(
+        self, segments: Segments, candidates: Sequence[Candidate], fields: _Fields, controls: Controls
+    ) -> tuple[list[Act], Array]:
         """Edits the models, with the constants that follow; returns what acts in every step, and what always does."""
         size, derived = segments.size, np.zeros(len(candidates), dtype=bool)
         starts = np.stack([segments.run, segments.first], axis=1)
@@ -210,9 +214,10 @@ class Engine:
             if effect.needs_steps:
                 memory = None
                 if hasattr(effect, "qpos"):
-                    positions = _padded([run.smooth for run in segments.runs], self.channels, effect.qpos)
+                    positions = smoothed(segments.runs, self.channels, effect.qpos)
                     if positions is not None:
-                        memory = effect.memory(positions, np.tile(starts, (len(which), 1)), repeated)
+                        past = functools.partial(controls.before, rows)
+                        memory = effect.memory(positions, np.tile(starts, (len(which), 1)), repeated, past)
                 acting.append(before_steps(effect, rows, repeated, memory))
         fields.derive(np.repeat(derived, size))
         return acting, steady
@@ -278,14 +283,6 @@ class _Fields:
     def restore(self, model: mujoco.MjModel) -> None:
         for name in list(self.batch._expanded):
             self.batch.expand(name)[...] = field_of(model, name)
-
-
-def _padded(columns: Sequence[Array], channels: Channels, address: int) -> Array | None:
-    where = np.flatnonzero(channels.qpos == address)
-    if not len(where):
-        return None
-    length = max(len(column) for column in columns)
-    return np.stack([np.pad(c[:, where[0]], (0, length - len(c)), mode="edge") for c in columns])
 
 
 def substeps_for(model: mujoco.MjModel, runs: Sequence[Run]) -> int:

@@ -12,12 +12,11 @@ from torch_activegp.diagnosis.compared import Selection, fitted
 from torch_activegp.diagnosis.elimination import eliminate, scaled
 from torch_activegp.diagnosis.fit import Fit
 from torch_activegp.diagnosis.intervals import is_certain
-from torch_activegp.diagnosis.merging import TWO_SIDED, push
 from torch_activegp.diagnosis.noise_left import recoloured
 from torch_activegp.diagnosis.reference import free_force_columns
-from torch_activegp.diagnosis.score import TIE
 from torch_activegp.diagnosis.selection import MAX_EFFECTS
 from torch_activegp.diagnosis.shooting import Shooting
+from torch_activegp.diagnosis.ties import swapped, ties_of
 from torch_activegp.diagnosis.tuning import only_undoes
 from torch_activegp.physics.effect import Effect
 
@@ -37,13 +36,12 @@ CROWDED = 0.04
 """The same where as many names as are tried leave it."""
 OVERCROWDED = 0.001
 """The same where there are more names: those of a nominal that was tuned badly leave next to nothing."""
+SOME_NOISE = 0.1
+"""And what they leave is so large a part of the noise: four right names behind filtered noise left 0.05 of it, 6 % of a
+mismatch of 0.8."""
 SEEN_IN_VAIN = 0.03
 """The same where the search was cut short: after so much of it, nothing on the list leaves noise alone. A friction that
 grows with the load left 0.09 behind Stribeck friction and a spring, at 50 Hz."""
-_LOPSIDED = 0.1
-"""A constant push is a difference between the directions of a dry friction from so much of that friction up."""
-ALIKE = 0.002
-"""Two names that say the same as one leave no more by this part, what fits are short of; less is no objection."""
 SURE = 1e-5
 DOUBT = 0.01
 VISIBLE = 0.3
@@ -154,14 +152,10 @@ def judge(shooting: Shooting, selection: Selection) -> Judgement:
     retuned = (*tuned, *(effect for i, effect in enumerate(order) if i not in kept))
     order, shares = tuple(order[i] for i in kept), tuple(shares[i] for i in kept)
     probabilities = tuple(_probability(rivals, effect) for effect in order)
-    ties = tuple(
-        tuple(
-            dict.fromkeys([*_ties(rivals, best, e), *as_two(rivals, best, e), *as_one(rivals, best, e, retuned, tuned)])
-        )
-        for e in order
-    )
+    ties = tuple(ties_of(rivals, best, effect, retuned, tuned) for effect in order)
     p_value = min(before.p_value, float(stats.chi2.sf(gain / score.scale, best.size)) * score.names)
     crowded = count >= MAX_EFFECTS and unexplained > (CROWDED if count == MAX_EFFECTS else OVERCROWDED)
+    crowded = crowded and after.excess > SOME_NOISE * shooting.dof
     seen = SEEN if count < MANY else SEEN_BEHIND_MANY
     most = seen if _visible(shooting, after) else INADEQUATE
     if best.chi2 > LOUD * shooting.dof:
@@ -213,7 +207,7 @@ def _split(
     """
     best, nominal = selection.best, selection.nominal
     names = {e.key for fit, _, _ in rivals for e in fit.effects if e.tunable}
-    tunable = [e for e in best.effects if e.tunable or names & set(_ties(rivals, best, e))]
+    tunable = [e for e in best.effects if e.tunable or names & set(swapped(rivals, best, e))]
     others = [e for e in best.effects if e not in tunable]
     if not tunable or not others:
         return list(best.effects), ()
@@ -247,52 +241,3 @@ def _shares(
 
 def _probability(rivals: Sequence[tuple[Fit, float, float]], effect: Effect) -> float:
     return float(min(sum(weight for fit, _, weight in rivals if effect.key in fit.keys), 1.0))
-
-
-def _ties(rivals: Sequence[tuple[Fit, float, float]], best: Fit, effect: Effect) -> tuple[tuple[str, str], ...]:
-    """What stands in place of an effect in sets that score almost as well."""
-    others = best.keys - {effect.key}
-    found = []
-    for fit, distance, _ in rivals[1:]:
-        swapped = fit.keys - others
-        if distance < TIE and others <= fit.keys and len(swapped) == 1 and effect.key not in fit.keys:
-            found.append(next(iter(swapped)))
-    return tuple(found)
-
-
-def as_two(rivals: Sequence[tuple[Fit, float, float]], best: Fit, effect: Effect) -> tuple[tuple[str, str], ...]:
-    """The two names that say the same as a dry friction of two levels: one level and a constant push."""
-    others, dry = best.keys - {effect.key}, ("coulomb_friction", effect.target)
-    for fit, _, _ in rivals[1:]:
-        swapped = fit.keys - others
-        alike = fit.chi2 - best.chi2 < ALIKE * best.chi2
-        if alike and effect.name == TWO_SIDED and others <= fit.keys and len(swapped) == 2 and dry in swapped:
-            return tuple(sorted(swapped))
-    return ()
-
-
-def as_one(
-    rivals: Sequence[tuple[Fit, float, float]],
-    best: Fit,
-    effect: Effect,
-    retuned: Sequence[Effect],
-    tuned: Sequence[Effect] = (),
-) -> tuple[tuple[str, str], ...]:
-    """The dry friction of two levels that says the same as one level and a push which only undoes a tuning.
-
-    Where some effects only undo a tuning at that joint (`tuned`), the nominal's bias there may hold the push, and
-    nothing in the recordings says how much of it.
-    """
-    values, two_sided = best.by_effect, (TWO_SIDED, effect.target)
-    if effect.name != "coulomb_friction":
-        return ()
-    here = any(getattr(other, "drives", other.target) == effect.target for other in tuned)
-    if here and any(two_sided in fit.keys for fit, _, _ in rivals):
-        return (two_sided,)
-    least = _LOPSIDED * float(values[effect][0])
-    pushes = {e.key for e in retuned if abs(push(e, values[e], effect.target)) > least}
-    for fit, _, _ in rivals[1:] if pushes else ():
-        alike = fit.chi2 - best.chi2 < ALIKE * best.chi2
-        if alike and two_sided in fit.keys and fit.keys - {two_sided} <= best.keys - {effect.key} - pushes:
-            return (two_sided,)
-    return ()

@@ -5,6 +5,7 @@ from __future__ import annotations
 import dataclasses
 
 import numpy as np
+from numpy.typing import NDArray
 
 from torch_activegp.diagnosis.chaining import chained
 from torch_activegp.diagnosis.engine import Engine
@@ -22,6 +23,9 @@ ROWS = 45
 PAD = 0.1
 _SHORTEST = 0.25
 _GROWTH = 6.0
+_OUT, _OUT_FAR = 10.0, 0.25
+"""A segment stands out by so many times the median, where it is so near to what is too far: one of twenty whose initial
+state was not found, at 50 times the noise, made a search of 150 s where nothing was missing."""
 _ROUNDS = 6
 
 
@@ -50,7 +54,8 @@ class Lengths:
 def longest(machine: Machine, forms: Forms, noise: NoiseModel, too_far: float, known: Lengths | None = None) -> Lengths:
     """The longest segments over which the nominal stays close enough.
 
-    A segment is halved where the nominal is too far from it, or where a small error of the initial state grows much.
+    A segment is halved where the nominal is too far from it, stands out from the others, or where a small error of the
+    initial state grows much.
 
     Args:
         machine: model and runs.
@@ -67,13 +72,19 @@ def longest(machine: Machine, forms: Forms, noise: NoiseModel, too_far: float, k
         best, form = known.uncut, known.form
     whole = best
     while True:
-        bad = segments.far_off(best.per_segment, too_far) | (_growth(best, segments, noise) > _GROWTH)
+        bad = _stands_out(best, segments, too_far) | (_growth(best, segments, noise) > _GROWTH)
         long = segments.dt[:, 0] * np.diff(segments.scored, axis=1)[:, 0] > 1.5 * _SHORTEST
         shorter = halve(segments, bad & long)
         if shorter.size == segments.size:
             return Lengths(segments, best, whole, form)
         segments = shorter
         best = _nominal(Shooting(form, segments, noise))
+
+
+def _stands_out(fit: Fit, segments: Segments, too_far: float) -> NDArray[np.bool_]:
+    """Where a fit is too far off, or much farther than elsewhere, ``(S,)``."""
+    usual = _OUT * float(np.median(fit.per_segment / segments.samples))
+    return segments.far_off(fit.per_segment, min(too_far, max(usual, _OUT_FAR * too_far)))
 
 
 def uncut(machine: Machine) -> Segments:

@@ -11,6 +11,7 @@ from torch_activegp.physics.actuation import ActuatorBias
 from torch_activegp.physics.effect import Effect
 from torch_activegp.physics.inertia import CenterOfMassOffset, GravityError
 from torch_activegp.physics.payload import PayloadAside, PayloadMass
+from torch_activegp.physics.springs import CenteredSpring, LinearSpring
 
 Pair = tuple[Effect, Array]
 
@@ -24,7 +25,7 @@ def merged(pairs: Sequence[Pair], effects: Sequence[Effect]) -> list[list[Pair]]
         pairs: effects and their parameters.
         effects: what is tried.
     """
-    return [*_two_levels(pairs, effects), *_loads_elsewhere(pairs, effects)]
+    return [*_two_levels(pairs, effects), *_loads_elsewhere(pairs, effects), *_springs_at_rest(pairs, effects)]
 
 
 def _two_levels(pairs: Sequence[Pair], effects: Sequence[Effect]) -> list[list[Pair]]:
@@ -41,6 +42,19 @@ def _two_levels(pairs: Sequence[Pair], effects: Sequence[Effect]) -> list[list[P
             two_sided = np.array([level[0] - force, level[0] + force])
             others = [(e, v) for e, v in pairs if e is not dry and e is not constant]
             out += [[*others, (law, two_sided)] for law in laws if force and law.plausible(two_sided)]
+    return out
+
+
+def _springs_at_rest(pairs: Sequence[Pair], effects: Sequence[Effect]) -> list[list[Pair]]:
+    """A spring that rests elsewhere in place of one at the model's zero and something constant."""
+    out: list[list[Pair]] = []
+    for spring, stiffness in pairs:
+        forms = [e for e in effects if isinstance(spring, CenteredSpring) and e.key == spring.key]
+        for constant, value in pairs if forms else ():
+            force = push(constant, value, spring.target)
+            others = [(e, v) for e, v in pairs if e is not spring and e is not constant]
+            resting = [form for form in forms if isinstance(form, LinearSpring)]
+            out += [[*others, (form, np.array([stiffness[0], force]))] for form in resting if force]
     return out
 
 

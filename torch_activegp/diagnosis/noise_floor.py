@@ -7,7 +7,13 @@ from collections.abc import Sequence
 import numpy as np
 from scipy import signal
 
-from torch_activegp.diagnosis.noise_model import NoiseModel, colour_family, spectrum
+from torch_activegp.diagnosis.noise_model import (
+    NoiseModel,
+    colour_family,
+    colour_scale,
+    high_differences,
+    spectrum,
+)
 from torch_activegp.diagnosis.noise_periods import noise_from_periods
 from torch_activegp.diagnosis.runs import Array, Run, median_step
 
@@ -17,6 +23,10 @@ _MOTION = 20.0
 """Machines move more slowly than this, Hz, and below an eighth of the sampling rate; above there is noise."""
 _NARROW = 0.3
 _COLOURED = 0.4
+_BANDS = 3
+_SHOWN = 1.25
+"""A colour may show so much more variance to high differences than they see: 0.7 to 1.15 times for filtered noise, 1.3
+for the motion of a tight loop and 1.9 for a limit cycle in a backlash, recorded at 100 Hz."""
 _COMPLETE = 0.9
 _JITTER = 0.02
 _FINEST = 3e-5
@@ -67,7 +77,9 @@ def _own(runs: Sequence[Run], least: Array | float = 0.0) -> NoiseModel:
     scale = np.maximum(np.sqrt(np.mean([run.noise**2 for run in runs], axis=0)), least) + 1e-12
     colour = np.zeros((len(scale), 2))
     for channel in range(len(scale)):
-        found = noise_from_periods(runs, channel) or _video(runs, scale[channel]) or _colour(runs, channel)
+        found = (
+            noise_from_periods(runs, channel) or _video(runs, scale[channel]) or _colour(runs, channel, scale[channel])
+        )
         if found is not None:
             colour[channel], scale[channel] = found
     return NoiseModel(np.asarray(scale), colour)
@@ -89,33 +101,38 @@ def _carried(runs: Sequence[Run]) -> Array | float:
     return np.asarray(_GROWS * np.sqrt(np.mean(np.square(coupling), axis=0) @ _own(given).scale ** 2))
 
 
-def _colour(runs: Sequence[Run], channel: int) -> tuple[tuple[float, float], float] | None:
-    """The poles whose spectrum is closest, and the noise's standard deviation; None for white noise."""
+def _colour(runs: Sequence[Run], channel: int, white: float) -> tuple[tuple[float, float], float] | None:
+    """The poles whose spectrum is closest, and the noise's standard deviation; None for white noise of a level.
+
+    Impacts and tight loops move a machine above the usual band too. Such a motion is no noise of any colour: one that
+    is as loud as it would show more to high differences than there is. Then a band farther up is asked.
+    """
     spectra = [s for run in runs if (s := _spectrum(run, channel)) is not None]
-    if not spectra:
-        return None
-    frequency = spectra[0][0]
-    power = np.median([p for _, p in spectra], axis=0)
     lowest = _lowest(runs)
-    if lowest > _NARROW:
+    if not spectra or lowest > _NARROW:
         return None
-    third = (0.5 - lowest) / 3
-    high, lower, upper = frequency >= lowest, frequency < lowest + third, frequency >= 0.5 - third
-    lower &= high
+    frequency, power = spectra[0][0], np.median([p for _, p in spectra], axis=0)
     rest = 1e-20 * max(float(np.abs(run.position[:, channel]).max()) for run in runs) ** 2
-    if power[high].min() <= rest or abs(np.log(power[lower].mean() / power[upper].mean())) < _COLOURED:
+    if power[frequency >= lowest].min() <= rest:
         return None
+    for above in np.linspace(lowest, 0.5, _BANDS + 1)[:-1]:
+        poles, level = _closest(frequency[frequency >= above], power[frequency >= above])
+        if level**2 * high_differences(poles) <= _SHOWN * white**2:
+            return (poles, level / colour_scale(poles)) if any(poles) else None
+    return None
+
+
+def _closest(frequency: Array, power: Array) -> tuple[tuple[float, float], float]:
+    """The poles whose spectrum is closest to a power in some band, and the standard deviation of what is new."""
+    lower, upper = np.array_split(power, 3)[0], np.array_split(power, 3)[-1]
+    coloured = abs(np.log(lower.mean() / upper.mean())) >= _COLOURED
     misfits = {}
-    for poles in colour_family():
-        shape = spectrum(poles, frequency[high])
-        offset = np.mean(np.log(power[high]) - np.log(shape))
-        misfits[poles] = (float(np.mean((np.log(power[high]) - np.log(shape) - offset) ** 2)), float(offset))
+    for poles in colour_family() if coloured else [(0.0, 0.0)]:
+        apart = np.log(power) - np.log(spectrum(poles, frequency))
+        misfits[poles] = (float(apart.var()), float(apart.mean()))
     poles = min(misfits, key=lambda key: misfits[key][0])
-    if poles == (0.0, 0.0):
-        return None
-    level = NoiseModel(np.ones(1), np.array([poles])).innovation[0]
     # a one-sided density at unit sampling rate: white noise of variance v has 2 v
-    return poles, float(np.sqrt(np.exp(misfits[poles][1]) / 2.0) / level)
+    return poles, float(np.sqrt(np.exp(misfits[poles][1]) / 2.0))
 
 
 def _lowest(runs: Sequence[Run]) -> float:

@@ -281,3 +281,12 @@ def _filled(time: Array) -> tuple[NDArray[np.bool_], Array]:
 
 def _interpolate(clock: Array, time: Array, values: Array) -> Array:
     return np.stack([np.interp(clock, time, column) for column in values.T], axis=1)
+
+
+def smoothed(runs: Sequence[Run], channels: Channels, address: int) -> Array | None:
+    """Smoothed positions at an address in whole runs, the last one held, ``(R, T)``; None where nothing is recorded."""
+    where = np.flatnonzero(channels.qpos == address)
+    if not len(where):
+        return None
+    length = max(len(run) for run in runs)
+    return np.stack([np.pad(run.smooth[:, where[0]], (0, length - len(run)), mode="edge") for run in runs])

@@ -38,6 +38,7 @@ class Stepping:
         steps: lengths of the time steps between them, ``(R, E)``, s.
         substeps: time steps between two of the rows.
         acting: what is done before every time step.
+        middle: see :class:`Step`.
     """
 
     def __init__(
@@ -49,8 +50,10 @@ class Stepping:
         steps: Array,
         substeps: int,
         acting: Sequence[Act] = (),
+        middle: float = 0.0,
     ) -> None:
         self._batch, self._inputs, self._field, self._acting = batch, inputs, field, acting
+        self._middle = middle
         self._edges, self._steps, self._substeps = list(itertools.pairwise(edges)), steps, substeps
         self._ids = np.arange(len(steps), dtype=np.int32)
         self._time_step = field("opt.timestep")[: len(steps)]
@@ -110,7 +113,7 @@ class Stepping:
         calls, together = (1, self._substeps) if at_once else (self._substeps, 1)
         for k, (after, controls, forces) in enumerate(self._each()):
             self._time_step[:] = self._steps[:, k]
-            step = Step(position, velocity, control, force, self._field, self._steps[:, k])
+            step = Step(position, velocity, control, force, self._field, self._steps[:, k], self._middle)
             for j in range(calls):
                 control[:], force[:] = controls[:, j], forces[:, min(j, forces.shape[1] - 1)]
                 for act in self._acting:

@@ -12,12 +12,13 @@ from scipy.spatial.transform import Rotation
 from torch_activegp.errors import ConfigurationError
 from torch_activegp.physics.actuation import ACTUATION
 from torch_activegp.physics.actuator import ActuatorEffect
+from torch_activegp.physics.backlash import BACKLASH
 from torch_activegp.physics.effect import Array, Effect, Place
 from torch_activegp.physics.friction import FRICTION
 from torch_activegp.physics.inertia import ArmatureError, CenterOfMassOffset, GravityError, pulls_of_gravity
 from torch_activegp.physics.joint import JointEffect
 from torch_activegp.physics.payload import DensityError, PayloadAlong, PayloadAside, PayloadMass
-from torch_activegp.physics.play import MEMORY, Backlash
+from torch_activegp.physics.play import MEMORY
 from torch_activegp.physics.sensing import SENSING, SensorEffect
 from torch_activegp.physics.soft_friction import SoftCoulombFriction
 from torch_activegp.physics.springs import POSITION_FORCES
@@ -25,8 +26,9 @@ from torch_activegp.physics.springs import POSITION_FORCES
 JOINT_EFFECTS: tuple[type[Effect], ...] = (*FRICTION, *POSITION_FORCES, *MEMORY, ArmatureError)
 _BODY_EFFECTS = (PayloadMass, DensityError, CenterOfMassOffset)
 _PLANES = ((0, 1), (0, 2), (1, 2))
+_SPACE = (0, 1, 2)
 _AXES = ((0,), (1,), (2,), *_PLANES)
-_LISTED: tuple[type[Effect], ...] = (*JOINT_EFFECTS, Backlash, *ACTUATION, *SENSING, *_BODY_EFFECTS, GravityError)
+_LISTED: tuple[type[Effect], ...] = (*JOINT_EFFECTS, *BACKLASH, *ACTUATION, *SENSING, *_BODY_EFFECTS, GravityError)
 
 
 def catalogue(
@@ -54,7 +56,7 @@ def catalogue(
     """
     effects: list[Effect] = [kind.at(place, model) for place in joints for kind in JOINT_EFFECTS]
     effects += [SoftCoulombFriction.at(place, model) for place in joints]
-    effects += [Backlash.at(place, model) for place in joints if Backlash.fits(place, model)]
+    effects += [kind.at(place, model) for place in joints for kind in BACKLASH if kind.fits(place, model)]
     effects += [kind.at(place, model) for place in actuators for kind in ACTUATION]
     effects += [kind.at(place, model) for place in sensors for kind in SENSING]
     effects += body_effects(model)
@@ -125,7 +127,7 @@ def body_effects(model: mujoco.MjModel) -> list[Effect]:
         reach = farthest_point(model, body)
         if np.linalg.norm(reach) > 1e-3 and not stays_balanced:
             effects += [PayloadMass.at(place, model, reach, "end"), PayloadAlong.towards(place, model, reach)]
-            effects += [PayloadAside.within(place, model, reach, plane) for plane in _PLANES]
+            effects += [PayloadAside.within(place, model, reach, axes) for axes in (*_PLANES, _SPACE)]
         size = max(float(np.linalg.norm(reach)), 0.02)
         if not stays_balanced:
             effects += [CenterOfMassOffset.along(place, size, *axes) for axes in _AXES]
@@ -134,6 +136,8 @@ def body_effects(model: mujoco.MjModel) -> list[Effect]:
 
 def farthest_point(model: mujoco.MjModel, body: int) -> Array:
     """The end of a body that is farthest from its joint: where a tool or a load is mounted.
+
+    Of a body without shapes, sites and children nothing but its inertia is known: then that of a box with the same.
 
     Returns:
         Offset from the body's centre of mass, m, in the body's frame, ``(3,)``.
@@ -144,8 +148,7 @@ def farthest_point(model: mujoco.MjModel, body: int) -> Array:
         if model.geom_bodyid[geom] != body:
             continue
         points += list(_ends(model, geom))
-    if not points:
-        return np.zeros(3)
+    points = points or list(_ends_of_box(model, body))
     joint = model.body_jntadr[body]
     anchor = model.jnt_pos[joint] if joint >= 0 else np.zeros(3)
     farthest = max(points, key=lambda point: float(np.linalg.norm(point - anchor)))
@@ -154,6 +157,15 @@ def farthest_point(model: mujoco.MjModel, body: int) -> Array:
 
 _LONG = (int(mujoco.mjtGeom.mjGEOM_CAPSULE), int(mujoco.mjtGeom.mjGEOM_CYLINDER))
 _ROUND = int(mujoco.mjtGeom.mjGEOM_SPHERE)
+
+
+def _ends_of_box(model: mujoco.MjModel, body: int) -> Array:
+    """The middles of the faces of a box with a body's inertia, in the body's frame, m, ``(6, 3)``."""
+    inertia = model.body_inertia[body]
+    half = np.sqrt(np.maximum(1.5 * (inertia.sum() - 2.0 * inertia) / model.body_mass[body], 0.0))
+    ends = np.concatenate([np.diag(half), -np.diag(half)])
+    turned = Rotation.from_quat(model.body_iquat[body], scalar_first=True).apply(ends)
+    return np.asarray(model.body_ipos[body] + turned)
 
 
 def _ends(model: mujoco.MjModel, geom: int) -> Array:

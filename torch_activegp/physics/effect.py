@@ -12,6 +12,8 @@ from numpy.typing import NDArray
 
 Array = NDArray[np.float64]
 Index = NDArray[np.integer[Any]]
+Past = Callable[[int], Array]
+"""Controls between the last so many rows before each of n simulations begins, ``(n, rows, nu)``, the first one held."""
 
 _OF_THE_SIZE = 0.05
 """Friction that holds and lets go is not smooth: a smaller step sees single slips."""
@@ -56,6 +58,8 @@ class Step:
         force: generalised forces to add to, ``(R, nv)``, N m or N.
         field: gives a field of ``MjModel`` by name with one value for each simulation, ``(R, ...)``, to write.
         dt: length of the step, ``(R,)``, s.
+        middle: the part of the step after which a force that is held over it acts as one that changes would: half of it
+            for Runge-Kutta, 0 for the semi-implicit Euler scheme, whose forces act on the speed before it moves.
     """
 
     qpos: Array
@@ -64,6 +68,12 @@ class Step:
     force: Array
     field: Callable[[str], Array]
     dt: Array
+    middle: float = 0.0
+
+    def position(self, rows: Index, address: int, dof: int) -> Array:
+        """Of a joint where forces of some simulations should be taken, ``(n,)``, rad or m."""
+        ahead = self.middle * self.dt[rows] * self.qvel[rows, dof] if self.middle else 0.0
+        return np.asarray(self.qpos[rows, address] + ahead)
 
 
 class Acting(NamedTuple):
@@ -156,7 +166,7 @@ class Effect:
     def before_step(self, step: Step, rows: Index, values: Array, memory: Array | None) -> None:
         """Adds forces, or changes the model, before each time step."""
 
-    def memory(self, positions: Array, starts: Array, values: Array) -> Array | None:
+    def memory(self, positions: Array, starts: Array, values: Array, past: Past | None = None) -> Array | None:
         """State of the effect at the start of each simulation; see :mod:`torch_activegp.physics.play`."""
         return None
 

@@ -44,8 +44,9 @@ class JointEffect(Effect):
         raise NotImplementedError
 
     def before_step(self, step: Step, rows: Index, values: Array, memory: Array | None) -> None:
-        """Adds the force at the start of each time step."""
-        step.force[rows, self.dof] += self.force(step.qpos[rows, self.qpos], step.qvel[rows, self.dof], values.T)
+        """Adds the force at the start of each time step, or where the joint is in its middle."""
+        position = step.position(rows, self.qpos, self.dof)
+        step.force[rows, self.dof] += self.force(position, step.qvel[rows, self.dof], values.T)
 
     @classmethod
     def make(

@@ -105,7 +105,7 @@ class PayloadAlong(PayloadMass):
 
 @dataclasses.dataclass(frozen=True, eq=False)
 class PayloadAside(PayloadMass):
-    """A point mass somewhere in a plane through a body's centre of mass.
+    """A point mass somewhere in a plane through a body's centre of mass, or anywhere.
 
     Args:
         own: mass of the body in the model, kg.
@@ -116,8 +116,8 @@ class PayloadAside(PayloadMass):
     law = "a point mass m at an offset from the body's nominal centre of mass, in the body's frame"
 
     @classmethod
-    def within(cls, place: Place, model: mujoco.MjModel, reach: Array, axes: tuple[int, int]) -> Self:
-        """Makes the effect in the plane of two axes of a body whose end is at an offset from its centre of mass.
+    def within(cls, place: Place, model: mujoco.MjModel, reach: Array, axes: tuple[int, ...]) -> Self:
+        """Makes the effect in the plane of two axes, or all three, of a body whose end is at an offset from its centre.
 
         It may sit as far from there as the end, or any other part of the body, does.
         """
@@ -161,7 +161,7 @@ class PayloadAside(PayloadMass):
         return begin
 
     def offsets(self, values: Array) -> Array:
-        """The position in the plane."""
+        """The position along the axes."""
         out = np.zeros((len(values), 3))
         out[:, list(self.axes)] = values[:, 1:]
         return out

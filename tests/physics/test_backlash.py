@@ -1,0 +1,192 @@
+from __future__ import annotations
+
+import dataclasses
+from typing import Any
+
+import mujoco
+import numpy as np
+import pytest
+
+from torch_activegp.physics import Place, Step
+from torch_activegp.physics.backlash import Backlash, SpringyBacklash
+
+JOINT = Place("joint:load", 0, position=(-1.0, 1.0))
+ROTOR = 0.02
+WITH_PLAY = """
+<mujoco><option timestep="{step}" gravity="0 0 {gravity}"/><worldbody>
+<body><joint name="load" axis="0 1 0" damping=".03" armature="{armature}"/>
+<geom type="capsule" size=".02" fromto="0 0 0 0 0 -.5" mass="1"/></body>{rotor}</worldbody>{gap}
+<actuator><motor joint="{driven}" gear="2"/></actuator></mujoco>"""
+
+
+def nominal(step: float, gravity: float = 0.0, armature: float = ROTOR) -> str:
+    return WITH_PLAY.format(step=step, gravity=gravity, armature=armature, rotor="", gap="", driven="load")
+
+
+def two_masses(bench: Any, gap: float, step: float, gravity: float, control: np.ndarray) -> np.ndarray:
+    """The load's position with the rotor as a body of its own, whose angle to the load has limits."""
+    xml = WITH_PLAY.format(
+        step=step,
+        gravity=gravity,
+        armature=0,
+        rotor=f'<body><joint name="rotor" axis="0 1 0" armature="{ROTOR}"/><geom size=".001" mass="1e-6"/></body>',
+        gap=f'<tendon><fixed limited="true" range="{-gap / 2} {gap / 2}" solreflimit="{2 * step} 1" '
+        'solimplimit=".99 .999 .0001"><joint joint="rotor" coef="1"/><joint joint="load" coef="-1"/></fixed></tendon>',
+        driven="rotor",
+    )
+    machine = dataclasses.replace(bench, xml=xml, start=(0.0, 0.5 * gap), control=control)
+    return np.asarray(machine.nominal()[:, 0])
+
+
+def swings(step: float) -> np.ndarray:
+    t = np.arange(0.0, 1.5, step)[:, None] * 2 * np.pi
+    return np.asarray(0.5 * np.sin(1.3 * t + 0.3) + 0.4 * np.sin(0.47 * t))
+
+
+@pytest.mark.parametrize("gravity", [0.0, -9.81])
+@pytest.mark.parametrize("gap", [0.03, 0.15])
+def test_backlash_is_a_rotor_between_two_stops(bench: Any, gap: float, gravity: float) -> None:
+    machine = dataclasses.replace(bench, xml=nominal(0.001, gravity), start=(0.0,), control=swings(0.001))
+    effect = Backlash.at(JOINT, machine.model)
+    after, before = machine.hooks(effect, [gap])[:, 0], machine.nominal()[:, 0]
+    fine = dataclasses.replace(machine, xml=nominal(1e-4, gravity), control=np.repeat(machine.control, 10, axis=0))
+    wanted = two_masses(bench, gap, 1e-4, gravity, fine.control)[9::10] - fine.nominal()[9::10, 0]
+    assert np.abs(after - before - wanted).max() < 0.05 * np.abs(wanted).max()
+
+
+def test_without_a_gap_backlash_changes_nothing_and_a_wider_one_changes_more(bench: Any) -> None:
+    machine = dataclasses.replace(bench, xml=nominal(0.001), start=(0.0,), control=swings(0.001))
+    effect = Backlash.at(JOINT, machine.model)
+    runs = [machine.hooks(effect, [gap])[:, 0] for gap in (0.0, 0.02, 0.021, 0.1)]
+    changes = [float(np.abs(run - machine.nominal()[:, 0]).max()) for run in runs]
+    assert changes[0] < 1e-5
+    assert changes[0] < changes[1] < changes[2] < changes[3]
+    slopes = np.diff([machine.hooks(effect, [gap])[-1, 0] for gap in np.linspace(0.02, 0.026, 6)])
+    assert np.ptp(slopes) < 0.1 * abs(slopes.mean())  # smooth enough to fit
+
+
+def test_backlash_needs_motors_and_nothing_else(bench: Any) -> None:
+    assert Backlash.fits(bench.shoulder, bench.model)
+    assert not Backlash.fits(bench.elbow, bench.model)  # a servo feels the load's position
+    bare = mujoco.MjModel.from_xml_string(bench.xml.replace('joint="shoulder"', 'joint="elbow"'))
+    assert not Backlash.fits(bench.shoulder, bare)
+    limited = bench.xml.replace('gear="2"', 'gear="-2" gainprm="3" forcerange="-1 1"').replace("<motor", "<general")
+    effect = Backlash.at(bench.shoulder, mujoco.MjModel.from_xml_string(limited))
+    assert effect.drives == ((0, -6.0, 0.0, 2.0),)
+    assert effect.rotor == effect.armature == 0.02
+    light = Backlash.at(JOINT, mujoco.MjModel.from_xml_string(nominal(0.001, armature=0)))
+    assert light.armature == 0.0
+    assert light.rotor > 0.0
+    assert not effect.write(bench.spec, np.array([0.1]))
+
+
+def first_step(effect: Backlash, memory: np.ndarray, control: float, gap: float) -> np.ndarray:
+    """What the rotor's memory is after one step of its joint at rest at zero."""
+    count = len(memory)
+    fields = {name: np.zeros((count, 1)) for name in ("dof_armature", "dof_M0")}
+    q, v, push = np.zeros((count, 1)), np.zeros((count, 1)), np.full((count, 1), control)
+    step = Step(q, v, push, np.zeros((count, 1)), fields.__getitem__, np.full(count, 0.001))
+    effect.before_step(step, np.arange(count), np.full((count, 1), gap), memory)
+    return memory
+
+
+def test_the_rotor_starts_where_it_must_push(bench: Any) -> None:
+    effect = Backlash.at(dataclasses.replace(JOINT, dt=0.1), mujoco.MjModel.from_xml_string(nominal(0.001)))
+    t = 0.1 * np.arange(20)
+    positions = np.stack([0.5 * 30.0 * t**2, -0.5 * 30.0 * t**2])
+    memory = effect.memory(positions, np.array([[0, 0], [0, 10], [1, 19]]), np.full((3, 1), 0.2))
+    np.testing.assert_allclose(memory[:, 0], [30.0, 30.0, -30.0])
+    first_step(effect, memory, 0.1, 0.2)  # 0.2 N m do not turn the rotor at 30 rad/s2
+    np.testing.assert_allclose(memory[:, 0], [-0.1, -0.1, 0.1])
+    assert (effect.memory(positions[:, :3], np.array([[1, 0]]), np.full((1, 1), 0.2))[:, 0] == 0.0).all()
+
+
+def test_the_rotor_is_carried_along_the_recording(bench: Any) -> None:
+    """Pushed forwards for 0.1 s, then back for 20 ms, with its joint at rest: on its way through the gap."""
+    effect = Backlash.at(dataclasses.replace(JOINT, dt=0.01), mujoco.MjModel.from_xml_string(nominal(0.001)))
+    rows, gap, torque = 40, 0.2, 4.0
+    control = np.where(np.arange(rows) < rows - 2, 0.5 * torque, -0.5 * torque)[:, None]
+
+    def past(back: int) -> np.ndarray:
+        return np.stack([control[-back:]] * 2)
+
+    starts = np.array([[0, rows], [0, 0]])
+    memory = effect.memory(np.zeros((1, rows + 1)), starts, np.full((2, 1), gap), past)
+    flown, speed = 0.5 * torque / ROTOR * 0.02**2, torque / ROTOR * 0.02
+    np.testing.assert_allclose(memory[0, 1:4], [0.5 * gap - flown, -speed, 0.0], rtol=0.05)
+    assert np.isnan(memory[1, 1:4]).all()  # nothing was recorded before
+    first_step(effect, memory, -0.5 * torque, gap)
+    assert memory[0, 0] == pytest.approx(0.5 * gap - flown, rel=0.05)
+    assert memory[0, 4] == 0.0
+    assert memory[1, 4] == -1.0
+
+
+def test_a_failed_simulation_leaves_its_neighbour_alone(bench: Any) -> None:
+    machine = dataclasses.replace(bench, xml=nominal(0.001), start=(0.0,), control=swings(0.001))
+    effect = Backlash.at(JOINT, machine.model)
+    memory = np.full((2, 6), np.nan)
+    for _ in range(3):
+        fields = {name: np.zeros((2, 1)) for name in ("dof_armature", "dof_M0")}
+        q, v, u = np.array([[0.1], [np.nan]]), np.array([[0.5], [np.nan]]), np.ones((2, 1))
+        step = Step(q, v, u, np.zeros((2, 1)), fields.__getitem__, np.full(2, 0.001))
+        effect.before_step(step, np.arange(2), np.full((2, 1), 0.05), memory)
+    assert np.isfinite(memory[0]).all()
+    assert fields["dof_armature"][0, 0] == 0.0  # held from the first step on
+
+
+def with_springs(gap: float, stiffness: float, damping: float, control: np.ndarray) -> np.ndarray:
+    """The load's position with the rotor as a body of its own, and the ends of the gap by hand in steps of 0.1 ms."""
+    rotor = f'<body><joint name="rotor" axis="0 1 0" armature="{ROTOR}"/><geom size=".001" mass="1e-6"/></body>'
+    xml = WITH_PLAY.format(step=1e-4, gravity=0.0, armature=0, rotor=rotor, gap="", driven="rotor")
+    model = mujoco.MjModel.from_xml_string(xml)
+    data = mujoco.MjData(model)
+    data.qpos[1] = 0.5 * gap
+    seen = []
+    for row in control:
+        for _ in range(10):
+            data.ctrl[:] = row
+            twist, faster = data.qpos[1] - data.qpos[0], data.qvel[1] - data.qvel[0]
+            push = stiffness * (twist - np.sign(twist) * 0.5 * gap) + damping * faster
+            face = push if abs(twist) > 0.5 * gap and push * twist > 0.0 else 0.0
+            data.qfrc_applied[:] = face, -face
+            mujoco.mj_step(model, data)
+        seen.append(data.qpos[0])
+    return np.array(seen)
+
+
+@pytest.mark.parametrize(("frequency", "damped"), [(40.0, 1.0), (80.0, 0.3)])
+def test_ends_that_give_way_are_springs_and_dampers(bench: Any, frequency: float, damped: float) -> None:
+    machine = dataclasses.replace(bench, xml=nominal(0.001), start=(0.0,), control=swings(0.001))
+    effect, gap = SpringyBacklash.at(JOINT, machine.model), 0.1
+    stiffness, damping = ROTOR * frequency**2, 2 * damped * ROTOR * frequency
+    fine = dataclasses.replace(machine, xml=nominal(1e-4), control=np.repeat(machine.control, 10, axis=0))
+    wanted = with_springs(gap, stiffness, damping, machine.control) - fine.nominal()[9::10, 0]
+    before = machine.nominal()[:, 0]
+    found = machine.hooks(effect, [gap, stiffness, damping])[:, 0] - before
+    firm = machine.hooks(Backlash.at(JOINT, machine.model), [gap])[:, 0] - before
+    assert np.abs(found - wanted).max() < 0.08 * np.abs(wanted).max()
+    assert np.abs(found - wanted).max() < 0.3 * np.abs(firm - wanted).max()
+
+
+def test_ends_as_firm_as_they_may_be_are_firm(bench: Any) -> None:
+    machine = dataclasses.replace(bench, xml=nominal(0.001), start=(0.0,), control=swings(0.001))
+    firm, springy = (kind.at(JOINT, machine.model) for kind in (Backlash, SpringyBacklash))
+    gap = np.array([0.1])
+    stiff = springy.absent(springy.taking_over(firm, gap))
+    found, wanted = machine.hooks(springy, [0.1, *stiff[1:]])[:, 0], machine.hooks(firm, gap)[:, 0]
+    assert (found - wanted).std() < 0.1 * (wanted - machine.nominal()[:, 0]).std()
+    begun = springy.taking_over(firm, gap)
+    assert begun[0] == 0.1
+    np.testing.assert_array_equal(begun[1:], springy.seeds[0, 1:])
+    np.testing.assert_array_equal(firm.taking_over(springy, begun), gap)
+
+
+def test_a_springy_rotor_begins_pressed_against_its_end(bench: Any) -> None:
+    effect = SpringyBacklash.at(dataclasses.replace(JOINT, dt=0.1), mujoco.MjModel.from_xml_string(nominal(0.001)))
+    memory = effect.memory(np.zeros((1, 20)), np.array([[0, 10]]), np.array([[0.2, 50.0, 0.0]]))
+    fields = {name: np.zeros((1, 1)) for name in ("dof_armature", "dof_M0")}
+    q, v, force = np.zeros((1, 1)), np.zeros((1, 1)), np.zeros((1, 1))
+    step = Step(q, v, np.full((1, 1), 0.5), force, fields.__getitem__, np.full(1, 1e-3))
+    effect.before_step(step, np.arange(1), np.array([[0.2, 50.0, 0.0]]), memory)
+    assert memory[0, 0] == pytest.approx(0.1 + 1.0 / 50.0)
+    assert force[0, 0] == pytest.approx(0.0)  # the motor's torque goes through the end

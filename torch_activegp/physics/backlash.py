@@ -1,0 +1,224 @@
+"""Play between a motor and its joint."""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Callable
+from typing import Self
+
+import mujoco
+import numpy as np
+from numpy.typing import NDArray
+
+from torch_activegp.physics.effect import Array, Effect, Index, Parameter, Past, Place, Step, add_rotor
+from torch_activegp.physics.joint import drivers
+from torch_activegp.physics.rotor import Motion, carried
+
+_LIGHTEST = 0.01
+_SPAN = 2
+_BACK, _FINE = 0.3, 2.5e-3
+"""How long a rotor is carried along a recording before a simulation, and in what steps, s."""
+_SOFTEST, _SOFT, _STIFFEST = 15.0, 80.0, 600.0
+"""Natural frequencies of a rotor on the ends of a gap, rad/s: least, first guess, most."""
+_DAMPED = 0.7
+_STABLE = 0.5
+"""Radians of its natural frequency in a time step: what is stiffer is simulated so, or steps would make it unstable."""
+
+
+@dataclasses.dataclass(frozen=True, eq=False)
+class Backlash(Effect):
+    """Play between a motor and its joint: the motor's torque reaches the joint only at the ends of a gap.
+
+    The rotor is a second mass inside the effect, with the inertia that the model has as ``armature``. In each step it
+    is either free, or held at one end of the gap: then its inertia stands in ``dof_armature`` again, and an impulse
+    makes up for the difference in speed. A hold that would have pulled is given back one step later.
+
+    Args:
+        dof: degree of freedom in the model.
+        qpos: address of the position.
+        rotor: inertia of the rotor, kg m2 or kg.
+        armature: the part of it that the model has already.
+        drives: control, force for one unit of it, force without it, and largest force, for each motor on the joint.
+        dt: time between the rows of a recording, s.
+
+    Reference: Stewart and Trinkle 1996, time stepping with contact at the level of velocities.
+    """
+
+    dof: int = 0
+    qpos: int = 0
+    rotor: float = 1.0
+    armature: float = 1.0
+    drives: tuple[tuple[int, float, float, float], ...] = ()
+    dt: float = 0.01
+
+    name = "backlash"
+    never_negative = frozenset({"gap"})
+    law = "the motor's torque reaches the joint only at the ends of a gap"
+    needs_steps = True
+
+    @classmethod
+    def fits(cls, place: Place, model: mujoco.MjModel) -> bool:
+        """Whether motors without activation and without feedback drive the joint, and nothing else does."""
+        on = drivers(place, model)
+        plain = (
+            (model.actuator_gaintype[on] == mujoco.mjtGain.mjGAIN_FIXED)
+            & ((model.actuator_biastype[on] == mujoco.mjtBias.mjBIAS_NONE) | _constant_bias(model)[on])
+            & (model.actuator_dyntype[on] == mujoco.mjtDyn.mjDYN_NONE)
+        )
+        return bool(len(on)) and bool(plain.all())
+
+    @classmethod
+    def at(cls, place: Place, model: mujoco.MjModel) -> Self:
+        """Makes the effect for a joint that :meth:`fits`, with gaps from 0.05 to 20 % of the range."""
+        width = max(place.position[1] - place.position[0], 1e-9)
+        armature = float(model.dof_armature[place.index])
+        drives = []
+        for i in drivers(place, model):
+            gear, strength = model.actuator_gear[i, 0], model.actuator_gainprm[i, 0]
+            most = abs(gear) * model.actuator_forcerange[i, 1] if model.actuator_forcelimited[i] else np.inf
+            bias = model.actuator_biasprm[i, 0] if _constant_bias(model)[i] else 0.0
+            drives.append((int(model.actuator_ctrladr[i]), float(gear * strength), float(gear * bias), float(most)))
+        return cls(
+            place.target,
+            (Parameter("gap", place.position_unit, 0.01 * width, low=0.0, high=width),),
+            np.array([[share * width] for share in (5e-4, 1.5e-3, 5e-3, 0.015, 0.04, 0.1, 0.2)]),
+            linear=0,
+            dof=place.index,
+            qpos=place.qpos,
+            rotor=max(armature, _LIGHTEST / max(float(model.dof_invweight0[place.index]), 1e-12)),
+            armature=armature,
+            drives=tuple(drives),
+            dt=place.dt,
+        )
+
+    def edit(self, field: Callable[[str], Array], rows: Index, values: Array) -> bool:
+        """Takes the rotor off the joint."""
+        add_rotor(field, rows, self.dof, np.full(len(rows), -self.armature))
+        return False
+
+    def memory(self, positions: Array, starts: Array, values: Array, past: Past | None = None) -> Array:
+        """The rotor: position, speed, speed without contact, speed against the joint, side, time step.
+
+        The first step finds in their place the joint's acceleration, and where the rotor is against the joint, how
+        fast, and on which side: carried along the recording for a while before, where there is any. Else it is put to
+        the side where it must push to keep up with the acceleration.
+        """
+        back = min(int(np.ceil(_BACK / self.dt)), int(starts[:, 1].max())) if past is not None else 0
+        rows = starts[:, 1:] + np.arange(-back, 1)
+        motion = Motion.along(positions, self.dt, _SPAN).at(starts[:, 0], rows)
+        memory = np.full((len(starts), 6), np.nan)
+        memory[:, 0] = motion.acceleration[:, -1]
+        if past is not None and back:
+            torque, begun = self._torque(past(back)), rows[:, :-1] >= 0
+            parts = max(int(np.ceil(self.dt / _FINE)), 1)
+            found = carried(motion, torque, begun, self.dt, self.rotor, 0.5 * values[:, 0], parts)
+            for column, state in zip((1, 2, 3), found, strict=True):
+                memory[:, column] = np.where(begun.any(axis=1), state, np.nan)
+        return memory
+
+    def before_step(self, step: Step, rows: Index, values: Array, memory: Array | None) -> None:
+        """Moves the rotor to the start of the step, finds whether it touches, and exchanges force."""
+        assert memory is not None
+        q, v, dt = step.qpos[rows, self.qpos], step.qvel[rows, self.dof], step.dt[rows]
+        torque, half = self._torque(step.ctrl[rows]), 0.5 * values[:, 0]
+        new = np.isnan(memory[:, 4])
+        if new.any():
+            _, off, faster, side = self._begin(memory, torque)
+            off, fast = np.where(side != 0.0, side * half, off), v + np.where(side != 0.0, 0.0, faster)
+            memory[new] = np.stack([q + off, fast, fast, 0.0 * v, side, 0.0 * v], axis=1)[new]
+            add_rotor(step.field, rows[new], self.dof, self.rotor * np.abs(side[new]))
+        place, before, free, apart, side, last = memory.T
+        pulled = side * (free - v - apart) < 0.0
+        held = (side != 0.0) & ~pulled
+        back = np.where(pulled, self.rotor * (v + apart - free) / dt, 0.0)
+        speed = np.where(held, v + apart, free)
+        off = np.where(held, side * half, place + 0.5 * last * (before + free) - q)
+        free = speed + dt * torque / self.rotor
+        late = step.middle * (free - v)  # a touch acts in the middle of a step, half a step too late on average
+        then = off + dt * (free - v + late)
+        now = np.where(held, side, np.sign(then) * (np.abs(then) >= half))
+        apart = np.where(now != 0.0, (now * half - off) / dt - np.where(held, 0.0, late), 0.0)
+        add_rotor(step.field, rows, self.dof, self.rotor * (np.abs(now) - np.abs(side)))
+        step.force[rows, self.dof] += back + np.where(now != 0.0, self.rotor * (speed - v - apart) / dt, -torque)
+        memory[:] = np.stack([q + off, speed, free, apart, now, dt], axis=1)
+
+    def _begin(self, memory: Array, torque: Array) -> tuple[Array, Array, Array, Array]:
+        """The joint's acceleration, and the rotor's offset from it, speed against it and side at first."""
+        acceleration, off, faster, side = memory.T[:4]
+        side = np.where(np.isnan(side), np.where(torque < self.rotor * acceleration, -1.0, 1.0), side)
+        return acceleration, off, faster, side
+
+    def _torque(self, ctrl: Array) -> Array:
+        forces = [np.clip(factor * ctrl[..., i] + bias, -most, most) for i, factor, bias, most in self.drives]
+        return np.sum(forces, axis=0)
+
+
+@dataclasses.dataclass(frozen=True, eq=False)
+class SpringyBacklash(Backlash):
+    """The same with ends that give way: a spring and a damper that only push, as of gears, belts and couplings.
+
+    Args:
+        light: inertia with which rotor and joint move against each other, kg m2 or kg.
+    """
+
+    light: float = 1.0
+
+    never_negative = frozenset({"gap", "stiffness", "damping"})
+    law = "the motor's torque reaches the joint only at the ends of a gap, which are springs and dampers"
+
+    @classmethod
+    def at(cls, place: Place, model: mujoco.MjModel) -> Self:
+        """Makes the effect for a joint that :meth:`fits`, with ends on which the rotor rings at 13 Hz."""
+        firm = Backlash.at(place, model)
+        per = f"{place.force_unit}/{place.position_unit}", f"{place.force_unit} s/{place.position_unit}"
+        stiffness, damping = firm.rotor * _SOFT**2, 2.0 * _DAMPED * firm.rotor * _SOFT
+        low, high = firm.rotor * _SOFTEST**2, firm.rotor * _STIFFEST**2
+        parameters = (
+            *firm.parameters,
+            Parameter("stiffness", per[0], 0.2 * stiffness, low=low, high=high),
+            Parameter("damping", per[1], 0.2 * damping, low=0.0, high=2.0 * firm.rotor * _STIFFEST),
+        )
+        whole = 1.0 / max(float(model.dof_invweight0[place.index]), 1e-12)
+        light = 1.0 / (1.0 / firm.rotor + 1.0 / max(whole - firm.armature, _LIGHTEST * whole))
+        values = {field.name: getattr(firm, field.name) for field in dataclasses.fields(firm)}
+        seeds = np.array([[0.015 * firm.parameters[0].high, stiffness, damping]])
+        values |= {"parameters": parameters, "seeds": seeds, "variant": "springy", "stands_in": True, "light": light}
+        return cls(**values)
+
+    def absent(self, values: Array) -> Array:
+        """No gap, and ends as firm as they may be."""
+        return np.array([0.0, self.parameters[1].high, 0.5 * self.parameters[2].high])
+
+    def before_step(self, step: Step, rows: Index, values: Array, memory: Array | None) -> None:
+        """Moves the rotor, and pushes the joint where it touches."""
+        assert memory is not None
+        q, v, dt = step.qpos[rows, self.qpos], step.qvel[rows, self.dof], step.dt[rows]
+        torque, half = self._torque(step.ctrl[rows]), 0.5 * values[:, 0]
+        stiffness = np.minimum(values[:, 1], self.light * (_STABLE / dt) ** 2)
+        damping = np.minimum(values[:, 2], _STABLE * self.light / dt)
+        new = np.isnan(memory[:, 4])
+        if new.any():
+            acceleration, off, faster, side = self._begin(memory, torque)
+            pressed = np.maximum(side * (torque - self.rotor * acceleration), 0.0) / stiffness
+            off = np.where(side != 0.0, side * (half + pressed), off)
+            begun = np.stack([q + off, v + np.where(side != 0.0, 0.0, faster)], axis=1)
+            memory[new, :2], memory[new, 4] = begun[new], 0.0
+        place, speed = memory[:, 0], memory[:, 1]
+        off = place - q + step.middle * dt * (speed - v)
+        side = np.sign(off) * (np.abs(off) > half)
+        push = stiffness * (off - side * half) + damping * (speed - v)
+        face = np.where(side * push > 0.0, push, 0.0)
+        after = speed + dt * (torque - face) / self.rotor
+        memory[:, 0] = place + dt * (step.middle * speed + (1.0 - step.middle) * after)
+        memory[:, 1] = after
+        step.force[rows, self.dof] += face - torque
+
+
+def _constant_bias(model: mujoco.MjModel) -> NDArray[np.bool_]:
+    """Actuators whose bias is a constant: no feedback of position or speed."""
+    affine = model.actuator_biastype == mujoco.mjtBias.mjBIAS_AFFINE
+    return np.asarray(affine & ~model.actuator_biasprm[:, 1:3].any(axis=1))
+
+
+BACKLASH: tuple[type[Backlash], ...] = (Backlash, SpringyBacklash)
+"""The family, on joints with a motor."""
