@@ -30,16 +30,24 @@ def test_effects_act_on_their_own_candidate_in_the_order_of_the_chain(bench) -> 
     np.testing.assert_allclose(control, [2.0 * recorded + 0.3, recorded, 0.5 * recorded])
 
 
-def test_the_controls_before_a_simulation_are_means_between_rows_and_begin_with_the_run(bench) -> None:
-    gain = bench.effect("actuator_gain", "actuator:drive")
-    control = Controls(bench.segments, [NOMINAL, Candidate((gain,), (np.array([1.0]),))], 3, 1)
+def test_the_past_of_a_simulation_has_the_clock_of_its_run_and_means_between_rows(bench) -> None:
+    gain, delay = bench.effect("actuator_gain", "actuator:drive"), bench.effect("actuator_delay", "actuator:drive")
+    late = Candidate((delay,), (np.array([0.005]),))  # half a row
+    control = Controls(bench.segments, [NOMINAL, Candidate((gain,), (np.array([1.0]),)), late], 4, 1)
     size = bench.segments.size
-    before = control.before(np.array([2, size + 2]), 4)
+    past = control.past(np.array([2, size + 2, 2 * size + 2, 0]))
+    before = past.control(4)
     run, first = bench.segments.run[2], bench.segments.first[2]
     recorded = bench.segments.runs[run].control
-    np.testing.assert_allclose(before[0], recorded[np.maximum(np.arange(first - 4, first), 0)])
-    np.testing.assert_allclose(before[1], 2.0 * before[0])
-    np.testing.assert_array_equal(control.before(np.array([0]), 2)[0], recorded[[0, 0]] * 0 + control(np.array([0]))[0])
+    expected = recorded[np.maximum(np.arange(first - 5, first), 0)]
+    np.testing.assert_allclose(before[0], expected[1:])
+    np.testing.assert_allclose(before[1], 2.0 * expected[1:])
+    np.testing.assert_allclose(before[2], 0.5 * (expected[1:] + expected[:-1]))
+    np.testing.assert_array_equal(
+        before[3], np.repeat(bench.segments.runs[bench.segments.run[0]].control[:1], 4, axis=0)
+    )
+    for clock, one in zip(past.time, bench.segments.runs, strict=True):
+        np.testing.assert_allclose(clock[: len(one)], one.time - one.time[0])
 
 
 def test_a_delay_reaches_back_before_the_segment_and_holds_the_first_value_of_the_run(bench) -> None:

@@ -215,3 +215,58 @@ def test_a_force_that_is_held_over_steps_of_runge_kutta_is_that_of_their_middle(
         read.append(engine.predict(bench.segments, starts, candidates)[0])
     errors = [np.abs(some - read[-1]).max(axis=(1, 2, 3)) for some in read[:2]]
     assert (errors[0] > 2.5 * errors[1]).all()
+
+
+@pytest.mark.parametrize("integrator", [None, int(mujoco.mjtIntegrator.mjINT_EULER)])
+def test_only_steps_of_runge_kutta_take_a_force_in_their_middle(bench, monkeypatch, integrator) -> None:
+    seen: list[float] = []
+    wavy = bench.effect("cogging")
+    monkeypatch.setattr(type(wavy), "before_step", lambda self, step, rows, values, memory: seen.append(step.middle))
+    engine = Engine(bench.machine.model, bench.engine.channels, 1, 1, integrator)
+    engine.predict(bench.segments, bench.nominal.starts[None], [Candidate((wavy,), (wavy.seeds[0],))])
+    assert set(seen) == {0.5 if integrator is None else 0.0}  # the model's own is Runge-Kutta
+
+
+def test_a_rotor_is_carried_along_the_recording_behind_the_control_of_its_candidate(bench, monkeypatch) -> None:
+    play, gain = bench.effect("backlash"), bench.effect("actuator_gain", "actuator:drive")
+    values = np.array([0.3])
+    seen: list[np.ndarray] = []
+    kind, memory = type(play), type(play).memory
+
+    def keep(self, *args):
+        begun = memory(self, *args)
+        seen.append(begun.copy())
+        return begun
+
+    monkeypatch.setattr(kind, "memory", keep)
+    other = Candidate((play, gain), (values, np.array([-2.0])))  # the motor pushes the other way
+    starts = np.repeat(bench.nominal.starts[None], 2, axis=0)
+    bench.engine.predict(bench.segments, starts, [Candidate((play,), (values,)), other])
+    (found,) = seen
+    size, later = bench.segments.size, bench.segments.first > 30
+    assert np.isfinite(found[:size, 3][later]).all()
+    assert np.isnan(found[:size, 3][bench.segments.first == 0]).all()
+    assert not np.allclose(found[:size, 1][later], found[size:, 1][later])
+
+
+def test_a_gap_is_the_same_in_longer_steps_of_runge_kutta(bench, monkeypatch) -> None:
+    """Half a step earlier, impacts are no later than they are: that halves the error."""
+    candidate = Candidate((bench.effect("backlash"),), (np.array([0.2]),))
+
+    def read(substeps: int) -> np.ndarray:
+        engine = Engine(bench.machine.model, bench.engine.channels, substeps, 1)
+        return engine.predict(bench.segments, bench.nominal.starts[None], [candidate])[0]
+
+    wanted = read(64)
+    found = np.sqrt(np.nanmean((read(2) - wanted) ** 2))
+    step = dataclasses.replace
+    monkeypatch.setattr("torch_activegp.physics.backlash.Backlash.before_step", _as_if_late(step))
+    assert found < 0.7 * np.sqrt(np.nanmean((read(2) - wanted) ** 2))
+
+
+def _as_if_late(replace):
+    """Backlash that does not know of the middle of a step."""
+    from torch_activegp.physics.backlash import Backlash
+
+    known = Backlash.before_step
+    return lambda self, step, *args: known(self, replace(step, middle=0.0), *args)

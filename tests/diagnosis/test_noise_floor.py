@@ -53,6 +53,29 @@ def test_a_motion_with_kinks_is_no_colour(make_plain_run) -> None:
     assert found.scale[0] == pytest.approx(6e-5)
 
 
+def test_a_filter_under_a_motion_in_the_band_is_found_farther_up(make_plain_run, monkeypatch) -> None:
+    """A machine that shakes at 14 to 27 Hz, recorded at 100 Hz."""
+    rng, k, poles = np.random.default_rng(0), np.arange(20000), (1.6, -0.64)
+    shakes = sum(
+        np.sin(2 * np.pi * f / 100 * k + phase) for f, phase in zip(np.arange(14, 27, 0.3), rng.uniform(0, 6, 44))
+    )
+    position = 6e-5 * shakes + 1e-3 * filtered(poles, len(k))
+    run = make_plain_run(position, noise=noise_std(torch.from_numpy(position)))
+    found, true = noise_floor([run]), NoiseModel(np.array([1e-3]), np.array([poles]))
+    assert found.colour.any()
+    assert found.innovation[0] == pytest.approx(true.innovation[0], rel=0.35)
+    monkeypatch.setattr("torch_activegp.diagnosis.noise_floor._BANDS", 1)
+    assert not noise_floor([run]).colour.any()
+
+
+def test_runs_that_show_no_spectrum_do_not_say_what_differences_see(make_plain_run) -> None:
+    """A quiet run that is too short for a spectrum, and others that differ in loudness, leave the filter what it is."""
+    noise = filtered((0.8, 0.0), 12000)
+    loud = [make_plain_run(1e-3 * each, noise=noise_std(torch.from_numpy(1e-3 * each))) for each in np.split(noise, 3)]
+    quiet = make_plain_run(1e-4 * noise[:200], noise=1e-5)
+    assert noise_floor([loud[0], quiet, quiet, quiet]).colour.any()
+
+
 def test_a_short_run_a_broken_one_and_a_slow_one_count_as_white(make_plain_run) -> None:
     noise = 1e-3 * filtered((0.8, 0.0), 2000)
     whole = make_plain_run(noise)

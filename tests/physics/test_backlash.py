@@ -9,6 +9,7 @@ import pytest
 
 from torch_activegp.physics import Place, Step
 from torch_activegp.physics.backlash import Backlash, SpringyBacklash
+from torch_activegp.physics.rotor import Past
 
 JOINT = Place("joint:load", 0, position=(-1.0, 1.0))
 ROTOR = 0.02
@@ -107,8 +108,7 @@ def test_the_rotor_is_carried_along_the_recording(bench: Any) -> None:
     rows, gap, torque = 40, 0.2, 4.0
     control = np.where(np.arange(rows) < rows - 2, 0.5 * torque, -0.5 * torque)[:, None]
 
-    def past(back: int) -> np.ndarray:
-        return np.stack([control[-back:]] * 2)
+    past = Past(0.01 * np.arange(rows + 1)[None], lambda back: np.stack([control[-back:]] * 2))
 
     starts = np.array([[0, rows], [0, 0]])
     memory = effect.memory(np.zeros((1, rows + 1)), starts, np.full((2, 1), gap), past)
@@ -183,10 +183,38 @@ def test_ends_as_firm_as_they_may_be_are_firm(bench: Any) -> None:
 
 def test_a_springy_rotor_begins_pressed_against_its_end(bench: Any) -> None:
     effect = SpringyBacklash.at(dataclasses.replace(JOINT, dt=0.1), mujoco.MjModel.from_xml_string(nominal(0.001)))
-    memory = effect.memory(np.zeros((1, 20)), np.array([[0, 10]]), np.array([[0.2, 50.0, 0.0]]))
+    t = 0.1 * np.arange(20)[None]
+    memory = effect.memory(0.5 * 15.0 * t**2, np.array([[0, 10]]), np.array([[0.2, 50.0, 0.0]]))
     fields = {name: np.zeros((1, 1)) for name in ("dof_armature", "dof_M0")}
     q, v, force = np.zeros((1, 1)), np.zeros((1, 1)), np.zeros((1, 1))
     step = Step(q, v, np.full((1, 1), 0.5), force, fields.__getitem__, np.full(1, 1e-3))
     effect.before_step(step, np.arange(1), np.array([[0.2, 50.0, 0.0]]), memory)
-    assert memory[0, 0] == pytest.approx(0.1 + 1.0 / 50.0)
-    assert force[0, 0] == pytest.approx(0.0)  # the motor's torque goes through the end
+    goes_through = 1.0 - 15.0 * ROTOR  # of the motor's torque, the rest speeds up the rotor
+    assert memory[0, 0] == pytest.approx(0.1 + goes_through / 50.0, abs=1e-4)
+    assert force[0, 0] == pytest.approx(goes_through - 1.0)
+
+
+@pytest.mark.parametrize("middle", [0.0, 0.5])
+@pytest.mark.parametrize("light", [1.0, 1e-3])
+def test_a_light_joint_behind_a_springy_rotor_stays_stable(light: float, middle: float) -> None:
+    """As firm as they may be, at steps of 5 ms, on a joint of a thousandth of the rotor's inertia too."""
+    xml = f"""<mujoco><option timestep="0.005" integrator="{"RK4" if middle else "implicitfast"}" gravity="0 0 0"/>
+    <worldbody><body><joint name="load" axis="0 1 0" armature="{ROTOR}"/>
+    <inertial pos="0 0 0" mass="1" diaginertia="{light * ROTOR} {light * ROTOR} {light * ROTOR}"/></body></worldbody>
+    <actuator><motor joint="load" gear="2"/></actuator></mujoco>"""
+    model = mujoco.MjModel.from_xml_string(xml)
+    effect = SpringyBacklash.at(dataclasses.replace(JOINT, dt=0.005), model)
+    values, rows = np.array([[0.05, *effect.absent(effect.seeds[0])[1:]]]), np.array([0])
+    memory = effect.memory(np.zeros((1, 3)), np.zeros((1, 2), dtype=int), values)
+    data, seen = mujoco.MjData(model), []
+    effect.edit(lambda name: getattr(model, name)[None], rows, values)
+    for control in swings(0.005)[:, 0]:
+        data.ctrl[0] = control
+        data.qfrc_applied[:] = 0.0
+        views = (each[None] for each in (data.qpos, data.qvel, data.ctrl, data.qfrc_applied))
+        effect.before_step(Step(*views, lambda name: np.zeros((1, 1)), np.full(1, 0.005), middle), rows, values, memory)
+        mujoco.mj_step(model, data)
+        seen.append(data.qvel[0])
+    firm = 2.0 * np.cumsum(swings(0.005)[:, 0]) * 0.005 / (ROTOR * (1.0 + light))
+    assert np.abs(seen).max() < 1.5 * np.abs(firm).max()
+    assert not np.isnan(seen).any()

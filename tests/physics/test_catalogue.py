@@ -218,6 +218,18 @@ def test_the_far_end_of_a_body_without_shapes_is_that_of_a_box_with_its_inertia(
     assert np.linalg.norm(farthest_point(bare, 1)) > 0.09
 
 
+@pytest.mark.parametrize("turned", ["", 'quat=".6 .3 .2 .7"'])
+def test_the_box_of_a_body_without_shapes_is_no_larger_than_the_machine(turned: str) -> None:
+    """An inertia that stands for none; a site at the centre of mass says no more; of equal ends it is always one."""
+    inertial = f'<inertial pos="0 0 0" mass=".001" diaginertia=".1 .1 .1" {turned}/><site/>'
+    xml = f"""<mujoco><worldbody><body><joint/><geom size=".1" pos="0 0 .4"/>
+    <body name="tool" pos="0 0 .5"><joint/>{inertial}</body></body></worldbody></mujoco>"""
+    model = mujoco.MjModel.from_xml_string(xml)
+    reach = farthest_point(model, 2)
+    assert 0.0 < np.linalg.norm(reach) <= model.stat.extent + 1e-9
+    assert reach.sum() > 0.0
+
+
 def test_elements_without_a_name_go_by_their_number(bench: Any) -> None:
     xml = (
         bench.xml.replace('name="shoulder"', "")

@@ -13,6 +13,7 @@ from torch_activegp.diagnosis.own_filters import OwnFilter
 from torch_activegp.diagnosis.runs import Array, Run
 from torch_activegp.diagnosis.segments import Segments
 from torch_activegp.physics.actuator import ActuatorEffect
+from torch_activegp.physics.rotor import Past
 
 
 class Controls:
@@ -89,10 +90,15 @@ class Controls:
             control = control + _mean([self._shoves[:, :, self.interval(steps + later)] for later in together])
         return np.asarray(control.reshape(count * size, len(steps), nu))
 
-    def before(self, which: NDArray[np.integer[Any]], rows: int) -> Array:
-        """Mean controls between the last so many rows before some of the simulations, ``(n, rows, nu)``."""
-        steps = self(np.arange(-rows * self._substeps, 0))[which]
-        return np.asarray(steps.reshape(len(which), rows, self._substeps, -1).mean(axis=2))
+    def past(self, which: NDArray[np.integer[Any]]) -> Past:
+        """What is known of the time before some of the simulations begin: clocks, and mean controls between rows."""
+
+        def control(rows: int) -> Array:
+            steps = self(np.arange(-rows * self._substeps, 0))[which]
+            return np.asarray(steps.reshape(len(which), rows, self._substeps, -1).mean(axis=2))
+
+        ends = np.cumsum(self._dt, axis=1)[:, self._substeps - 1 :: self._substeps]
+        return Past(np.pad(ends, ((0, 0), (1, 0))), control)
 
     def interval(self, steps: NDArray[np.int64]) -> NDArray[np.int64]:
         """The interval that some time steps lie in, the first one for those before it."""

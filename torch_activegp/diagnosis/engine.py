@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import copy
-import functools
 import itertools
 import logging
 from collections.abc import Sequence
@@ -216,8 +215,8 @@ class Engine:
                 if hasattr(effect, "qpos"):
                     positions = smoothed(segments.runs, self.channels, effect.qpos)
                     if positions is not None:
-                        past = functools.partial(controls.before, rows)
-                        memory = effect.memory(positions, np.tile(starts, (len(which), 1)), repeated, past)
+                        past = (controls.past(rows),) if effect.needs_past else ()
+                        memory = effect.memory(positions, np.tile(starts, (len(which), 1)), repeated, *past)
                 acting.append(before_steps(effect, rows, repeated, memory))
         fields.derive(np.repeat(derived, size))
         return acting, steady

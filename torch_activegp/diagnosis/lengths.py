@@ -24,8 +24,8 @@ PAD = 0.1
 _SHORTEST = 0.25
 _GROWTH = 6.0
 _OUT, _OUT_FAR = 10.0, 0.25
-"""A segment stands out by so many times the median, where it is so near to what is too far: one of twenty whose initial
-state was not found, at 50 times the noise, made a search of 150 s where nothing was missing."""
+"""A segment stands out by so many times the median, and by so large a part of what is too far: one of twenty whose
+initial state was not found, at 50 times the noise, made a search of 150 s where nothing was missing."""
 _ROUNDS = 6
 
 

@@ -77,9 +77,7 @@ def _own(runs: Sequence[Run], least: Array | float = 0.0) -> NoiseModel:
     scale = np.maximum(np.sqrt(np.mean([run.noise**2 for run in runs], axis=0)), least) + 1e-12
     colour = np.zeros((len(scale), 2))
     for channel in range(len(scale)):
-        found = (
-            noise_from_periods(runs, channel) or _video(runs, scale[channel]) or _colour(runs, channel, scale[channel])
-        )
+        found = noise_from_periods(runs, channel) or _video(runs, scale[channel]) or _colour(runs, channel)
         if found is not None:
             colour[channel], scale[channel] = found
     return NoiseModel(np.asarray(scale), colour)
@@ -101,23 +99,24 @@ def _carried(runs: Sequence[Run]) -> Array | float:
     return np.asarray(_GROWS * np.sqrt(np.mean(np.square(coupling), axis=0) @ _own(given).scale ** 2))
 
 
-def _colour(runs: Sequence[Run], channel: int, white: float) -> tuple[tuple[float, float], float] | None:
-    """The poles whose spectrum is closest, and the noise's standard deviation; None for white noise of a level.
+def _colour(runs: Sequence[Run], channel: int) -> tuple[tuple[float, float], float] | None:
+    """The poles whose spectrum is closest, and the noise's standard deviation; None for white noise.
 
     Impacts and tight loops move a machine above the usual band too. Such a motion is no noise of any colour: one that
     is as loud as it would show more to high differences than there is. Then a band farther up is asked.
     """
-    spectra = [s for run in runs if (s := _spectrum(run, channel)) is not None]
+    found = [(run, s) for run in runs if (s := _spectrum(run, channel)) is not None]
     lowest = _lowest(runs)
-    if not spectra or lowest > _NARROW:
+    if not found or lowest > _NARROW:
         return None
-    frequency, power = spectra[0][0], np.median([p for _, p in spectra], axis=0)
+    frequency, power = found[0][1][0], np.median([p for _, (_, p) in found], axis=0)
+    seen = float(np.median([run.noise[channel] ** 2 for run, _ in found]))
     rest = 1e-20 * max(float(np.abs(run.position[:, channel]).max()) for run in runs) ** 2
     if power[frequency >= lowest].min() <= rest:
         return None
     for above in np.linspace(lowest, 0.5, _BANDS + 1)[:-1]:
         poles, level = _closest(frequency[frequency >= above], power[frequency >= above])
-        if level**2 * high_differences(poles) <= _SHOWN * white**2:
+        if level**2 * high_differences(poles) <= _SHOWN * seen:
             return (poles, level / colour_scale(poles)) if any(poles) else None
     return None
 

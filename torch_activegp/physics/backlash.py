@@ -10,14 +10,14 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
-from torch_activegp.physics.effect import Array, Effect, Index, Parameter, Past, Place, Step, add_rotor
+from torch_activegp.physics.effect import Array, Effect, Index, Parameter, Place, Step, add_rotor
 from torch_activegp.physics.joint import drivers
-from torch_activegp.physics.rotor import Motion, carried
+from torch_activegp.physics.rotor import Motion, Past, carried
 
-_LIGHTEST = 0.01
+_LIGHTEST, _LEAST = 0.01, 1e-9
 _SPAN = 2
 _BACK, _FINE = 0.3, 2.5e-3
-"""How long a rotor is carried along a recording before a simulation, and in what steps, s."""
+"""How long a rotor is carried along a recording before a simulation, and in about what steps, s."""
 _SOFTEST, _SOFT, _STIFFEST = 15.0, 80.0, 600.0
 """Natural frequencies of a rotor on the ends of a gap, rad/s: least, first guess, most."""
 _DAMPED = 0.7
@@ -55,6 +55,7 @@ class Backlash(Effect):
     never_negative = frozenset({"gap"})
     law = "the motor's torque reaches the joint only at the ends of a gap"
     needs_steps = True
+    needs_past = True
 
     @classmethod
     def fits(cls, place: Place, model: mujoco.MjModel) -> bool:
@@ -103,15 +104,17 @@ class Backlash(Effect):
         fast, and on which side: carried along the recording for a while before, where there is any. Else it is put to
         the side where it must push to keep up with the acceleration.
         """
-        back = min(int(np.ceil(_BACK / self.dt)), int(starts[:, 1].max())) if past is not None else 0
-        rows = starts[:, 1:] + np.arange(-back, 1)
-        motion = Motion.along(positions, self.dt, _SPAN).at(starts[:, 0], rows)
+        every = max(int(_FINE / self.dt), 1)
+        back = min(int(np.ceil(_BACK / (every * self.dt))), int(starts[:, 1].max()) // every) if past is not None else 0
+        rows = starts[:, 1:] + every * np.arange(-back, 1)
+        even = np.broadcast_to(self.dt * np.arange(positions.shape[1]), positions.shape)
+        motion = Motion.along(positions, even if past is None else past.time, _SPAN).at(starts[:, 0], rows)
         memory = np.full((len(starts), 6), np.nan)
         memory[:, 0] = motion.acceleration[:, -1]
         if past is not None and back:
-            torque, begun = self._torque(past(back)), rows[:, :-1] >= 0
-            parts = max(int(np.ceil(self.dt / _FINE)), 1)
-            found = carried(motion, torque, begun, self.dt, self.rotor, 0.5 * values[:, 0], parts)
+            control = past.control(back * every).reshape(len(starts), back, every, -1).mean(axis=2)
+            begun = rows[:, :-1] >= 0
+            found = carried(motion, self._torque(control), begun, self.rotor, 0.5 * values[:, 0], _FINE)
             for column, state in zip((1, 2, 3), found, strict=True):
                 memory[:, column] = np.where(begun.any(axis=1), state, np.nan)
         return memory
@@ -123,7 +126,7 @@ class Backlash(Effect):
         torque, half = self._torque(step.ctrl[rows]), 0.5 * values[:, 0]
         new = np.isnan(memory[:, 4])
         if new.any():
-            _, off, faster, side = self._begin(memory, torque)
+            off, faster, side = self._begin(memory, torque)
             off, fast = np.where(side != 0.0, side * half, off), v + np.where(side != 0.0, 0.0, faster)
             memory[new] = np.stack([q + off, fast, fast, 0.0 * v, side, 0.0 * v], axis=1)[new]
             add_rotor(step.field, rows[new], self.dof, self.rotor * np.abs(side[new]))
@@ -142,11 +145,11 @@ class Backlash(Effect):
         step.force[rows, self.dof] += back + np.where(now != 0.0, self.rotor * (speed - v - apart) / dt, -torque)
         memory[:] = np.stack([q + off, speed, free, apart, now, dt], axis=1)
 
-    def _begin(self, memory: Array, torque: Array) -> tuple[Array, Array, Array, Array]:
-        """The joint's acceleration, and the rotor's offset from it, speed against it and side at first."""
+    def _begin(self, memory: Array, torque: Array) -> tuple[Array, Array, Array]:
+        """The rotor's offset from the joint, speed against it and side, before the first step."""
         acceleration, off, faster, side = memory.T[:4]
         side = np.where(np.isnan(side), np.where(torque < self.rotor * acceleration, -1.0, 1.0), side)
-        return acceleration, off, faster, side
+        return off, faster, side
 
     def _torque(self, ctrl: Array) -> Array:
         forces = [np.clip(factor * ctrl[..., i] + bias, -most, most) for i, factor, bias, most in self.drives]
@@ -179,7 +182,7 @@ class SpringyBacklash(Backlash):
             Parameter("damping", per[1], 0.2 * damping, low=0.0, high=2.0 * firm.rotor * _STIFFEST),
         )
         whole = 1.0 / max(float(model.dof_invweight0[place.index]), 1e-12)
-        light = 1.0 / (1.0 / firm.rotor + 1.0 / max(whole - firm.armature, _LIGHTEST * whole))
+        light = 1.0 / (1.0 / firm.rotor + 1.0 / max(whole - firm.armature, _LEAST * whole))
         values = {field.name: getattr(firm, field.name) for field in dataclasses.fields(firm)}
         seeds = np.array([[0.015 * firm.parameters[0].high, stiffness, damping]])
         values |= {"parameters": parameters, "seeds": seeds, "variant": "springy", "stands_in": True, "light": light}
@@ -198,8 +201,8 @@ class SpringyBacklash(Backlash):
         damping = np.minimum(values[:, 2], _STABLE * self.light / dt)
         new = np.isnan(memory[:, 4])
         if new.any():
-            acceleration, off, faster, side = self._begin(memory, torque)
-            pressed = np.maximum(side * (torque - self.rotor * acceleration), 0.0) / stiffness
+            acceleration, (off, faster, side) = memory[:, 0], self._begin(memory, torque)
+            pressed = np.maximum(side * (torque - self.rotor * acceleration), 0.0) / np.maximum(values[:, 1], 1e-12)
             off = np.where(side != 0.0, side * (half + pressed), off)
             begun = np.stack([q + off, v + np.where(side != 0.0, 0.0, faster)], axis=1)
             memory[new, :2], memory[new, 4] = begun[new], 0.0

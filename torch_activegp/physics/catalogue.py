@@ -27,6 +27,8 @@ JOINT_EFFECTS: tuple[type[Effect], ...] = (*FRICTION, *POSITION_FORCES, *MEMORY,
 _BODY_EFFECTS = (PayloadMass, DensityError, CenterOfMassOffset)
 _PLANES = ((0, 1), (0, 2), (1, 2))
 _SPACE = (0, 1, 2)
+_APART = 1e-3
+"""From so far on, m, a point is another one than the centre of mass."""
 _AXES = ((0,), (1,), (2,), *_PLANES)
 _LISTED: tuple[type[Effect], ...] = (*JOINT_EFFECTS, *BACKLASH, *ACTUATION, *SENSING, *_BODY_EFFECTS, GravityError)
 
@@ -125,7 +127,7 @@ def body_effects(model: mujoco.MjModel) -> list[Effect]:
         effects.append(PayloadMass.at(place, model))
         effects.append(DensityError.at(place, model))
         reach = farthest_point(model, body)
-        if np.linalg.norm(reach) > 1e-3 and not stays_balanced:
+        if np.linalg.norm(reach) > _APART and not stays_balanced:
             effects += [PayloadMass.at(place, model, reach, "end"), PayloadAlong.towards(place, model, reach)]
             effects += [PayloadAside.within(place, model, reach, axes) for axes in (*_PLANES, _SPACE)]
         size = max(float(np.linalg.norm(reach)), 0.02)
@@ -137,7 +139,8 @@ def body_effects(model: mujoco.MjModel) -> list[Effect]:
 def farthest_point(model: mujoco.MjModel, body: int) -> Array:
     """The end of a body that is farthest from its joint: where a tool or a load is mounted.
 
-    Of a body without shapes, sites and children nothing but its inertia is known: then that of a box with the same.
+    Of a body without shapes, and without sites and children away from its centre of mass, nothing but its inertia is
+    known: then that of a box with the same.
 
     Returns:
         Offset from the body's centre of mass, m, in the body's frame, ``(3,)``.
@@ -148,24 +151,27 @@ def farthest_point(model: mujoco.MjModel, body: int) -> Array:
         if model.geom_bodyid[geom] != body:
             continue
         points += list(_ends(model, geom))
-    points = points or list(_ends_of_box(model, body))
+    center = model.body_ipos[body]
+    if not model.body_geomnum[body] and all(np.linalg.norm(point - center) < _APART for point in points):
+        points = list(_ends_of_box(model, body))
     joint = model.body_jntadr[body]
     anchor = model.jnt_pos[joint] if joint >= 0 else np.zeros(3)
-    farthest = max(points, key=lambda point: float(np.linalg.norm(point - anchor)))
-    return np.asarray(farthest - model.body_ipos[body], dtype=float)
-
-
-_LONG = (int(mujoco.mjtGeom.mjGEOM_CAPSULE), int(mujoco.mjtGeom.mjGEOM_CYLINDER))
-_ROUND = int(mujoco.mjtGeom.mjGEOM_SPHERE)
+    rounded = [(round(float(np.linalg.norm(point - anchor)), 6), *np.round(point, 6)) for point in points]
+    return np.asarray(points[rounded.index(max(rounded))] - center, dtype=float)
 
 
 def _ends_of_box(model: mujoco.MjModel, body: int) -> Array:
     """The middles of the faces of a box with a body's inertia, in the body's frame, m, ``(6, 3)``."""
     inertia = model.body_inertia[body]
     half = np.sqrt(np.maximum(1.5 * (inertia.sum() - 2.0 * inertia) / model.body_mass[body], 0.0))
+    half = np.minimum(half, model.stat.extent)  # an inertia that stands for none is that of a huge box
     ends = np.concatenate([np.diag(half), -np.diag(half)])
     turned = Rotation.from_quat(model.body_iquat[body], scalar_first=True).apply(ends)
     return np.asarray(model.body_ipos[body] + turned)
+
+
+_LONG = (int(mujoco.mjtGeom.mjGEOM_CAPSULE), int(mujoco.mjtGeom.mjGEOM_CYLINDER))
+_ROUND = int(mujoco.mjtGeom.mjGEOM_SPHERE)
 
 
 def _ends(model: mujoco.MjModel, geom: int) -> Array:

@@ -12,8 +12,6 @@ from numpy.typing import NDArray
 
 Array = NDArray[np.float64]
 Index = NDArray[np.integer[Any]]
-Past = Callable[[int], Array]
-"""Controls between the last so many rows before each of n simulations begins, ``(n, rows, nu)``, the first one held."""
 
 _OF_THE_SIZE = 0.05
 """Friction that holds and lets go is not smooth: a smaller step sees single slips."""
@@ -125,6 +123,8 @@ class Effect:
     """Described parameters of which no machine has less than none; their intervals say so."""
     order: ClassVar[int] = 0
     """Place in the chain from the command of a drive to its force, where it acts on one."""
+    needs_past: ClassVar[bool] = False
+    """Whether :meth:`memory` takes, as its fourth, the :class:`~torch_activegp.physics.rotor.Past`."""
     losses: ClassVar[frozenset[str]] = frozenset()
     """Described amplitudes of what a machine has or has not: where all are negative, the simulator has too much."""
 
@@ -166,7 +166,7 @@ class Effect:
     def before_step(self, step: Step, rows: Index, values: Array, memory: Array | None) -> None:
         """Adds forces, or changes the model, before each time step."""
 
-    def memory(self, positions: Array, starts: Array, values: Array, past: Past | None = None) -> Array | None:
+    def memory(self, positions: Array, starts: Array, values: Array) -> Array | None:
         """State of the effect at the start of each simulation; see :mod:`torch_activegp.physics.play`."""
         return None
 

@@ -7,7 +7,7 @@ from typing import Self
 import mujoco
 import numpy as np
 
-from torch_activegp.physics.effect import Array, Effect, Index, Parameter, Past, Place, Step
+from torch_activegp.physics.effect import Array, Effect, Index, Parameter, Place, Step
 from torch_activegp.physics.joint import JointEffect
 
 _SMALL = 0.05
@@ -31,14 +31,13 @@ class Hysteresis(JointEffect):
         seeds = [[_SMALL * place.force / (share * width), share * width] for share in (0.02, 0.06, 0.15, 0.4)]
         return cls.make(place, parameters, seeds, linear=1)
 
-    def memory(self, positions: Array, starts: Array, values: Array, past: Past | None = None) -> Array:
+    def memory(self, positions: Array, starts: Array, values: Array) -> Array:
         """The slider's deflection at the start of each simulation, from the run's positions up to there.
 
         Args:
             positions: smoothed positions of whole runs, ``(runs, T)``.
             starts: run and row at which each simulation starts, ``(rows, 2)``.
             values: ``(rows, P)``.
-            past: not asked.
 
         Returns:
             Deflection and last position, ``(rows, 2)``.
