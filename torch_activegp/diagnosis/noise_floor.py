@@ -24,7 +24,7 @@ _MOTION = 20.0
 _NARROW = 0.3
 _COLOURED = 0.4
 _BANDS = 3
-_SHOWN = 1.25
+_SHOWN = 1.2
 """A colour may show so much more variance to high differences than they see: 0.7 to 1.15 times for filtered noise, 1.3
 for the motion of a tight loop and 1.9 for a limit cycle in a backlash, recorded at 100 Hz."""
 _COMPLETE = 0.9
