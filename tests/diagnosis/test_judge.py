@@ -166,6 +166,7 @@ def test_a_friction_behind_a_tuning_may_be_one_of_two_levels(bench, monkeypatch)
     two_sided = bench.fit("asymmetric_friction", 0.02, 0.02)
     for tuned in ((wet,), ()):
         monkeypatch.setattr("torch_activegp.diagnosis.judge._split", lambda *_, tuned=tuned: ([dry], tuned))
+        monkeypatch.setattr("torch_activegp.diagnosis.judge.is_certain", lambda *_: True)
         chosen = selection(bench, dataclasses.replace(both, chi2=0.9 * both.chi2), two_sided)
         assert chosen.best.effects == both.effects
         judged = judge(bench.shooting, chosen)
@@ -198,6 +199,18 @@ def test_what_may_be_nothing_is_not_named_and_counts_among_those_that_leave_too_
     assert (judged.named, judged.retuned) == (effects[:1], effects[1:])
     assert 0.04 < judged.unexplained < 0.15
     assert judged.verdict == verdict
+
+
+@pytest.mark.parametrize(("visible", "verdict"), [(1e-3, "unknown"), (1e9, "none")])
+def test_the_only_name_is_none_where_it_may_be_nothing(bench, monkeypatch, visible, verdict) -> None:
+    """A lift that sticks, as its model: an armature gained 260 in chi2 by initial states, and may be zero."""
+    wet = bench.fit("viscous_friction", 0.05)
+    assert judge(bench.shooting, selection(bench, wet)).named == wet.effects
+    monkeypatch.setattr("torch_activegp.diagnosis.judge.is_certain", lambda *_: False)
+    monkeypatch.setattr("torch_activegp.diagnosis.judge.VISIBLE", visible)
+    judged = judge(bench.shooting, selection(bench, wet))
+    assert (judged.verdict, judged.named, judged.retuned, judged.fit) == (verdict, (), (), bench.nominal)
+    assert judged.unexplained == float(verdict == "unknown")
 
 
 @pytest.mark.parametrize(("least", "verdict"), [(1e-3, "unknown"), (1e9, "none")])

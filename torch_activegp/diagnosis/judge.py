@@ -60,6 +60,9 @@ VISIBLE_WHEN_SLOW = 12.0
 """The same for recordings below 30 Hz, as from video: their differences hardly show slow errors of the recorder."""
 
 
+_Compared = tuple[tuple[Fit, float, float], ...]
+
+
 @dataclasses.dataclass(frozen=True)
 class Omnibus:
     """Is anything left that a force free in time would explain?
@@ -120,7 +123,7 @@ class Judgement:
     unexplained: float
     white: bool
     p_value: float
-    rivals: tuple[tuple[Fit, float, float], ...]
+    rivals: _Compared
 
 
 def judge(shooting: Shooting, selection: Selection) -> Judgement:
@@ -135,9 +138,7 @@ def judge(shooting: Shooting, selection: Selection) -> Judgement:
     rivals = _rivals(selection)
     gain = nominal.chi2 - best.chi2
     if not best.effects:
-        verdict = "unknown" if _visible(shooting, before) else "none"
-        share = 1.0 if verdict == "unknown" else 0.0
-        return Judgement(verdict, best, (), (), (), (), (), share, verdict == "none", before.p_value, rivals)
+        return _nameless(shooting, best, before, rivals)
     after = omnibus(dataclasses.replace(shooting, noise=recoloured(shooting, best)), best)
     unexplained = after.excess / max(after.excess + gain, 1e-300)
     white = after.p_value > SURE
@@ -148,7 +149,10 @@ def judge(shooting: Shooting, selection: Selection) -> Judgement:
     least = min(LEAST_SHARE, worth)
     kept = [i for i, share in enumerate(shares) if share >= least] or [0]
     count, plain = len(kept), not tuned and len(kept) == len(order)
-    kept = [i for i in kept if is_certain(shooting, best, order[i])] or kept[:1]
+    certain = [i for i in kept if is_certain(shooting, best, order[i])]
+    if count == 1 and not certain:  # other initial states gained what it seemed to
+        return _nameless(shooting, nominal, before, rivals)
+    kept = certain or kept[:1]
     retuned = (*tuned, *(effect for i, effect in enumerate(order) if i not in kept))
     order, shares = tuple(order[i] for i in kept), tuple(shares[i] for i in kept)
     probabilities = tuple(_probability(rivals, effect) for effect in order)
@@ -175,6 +179,13 @@ def judge(shooting: Shooting, selection: Selection) -> Judgement:
     )
 
 
+def _nameless(shooting: Shooting, fit: Fit, left: Omnibus, rivals: _Compared) -> Judgement:
+    """Without a name: a mismatch that nothing explains, or none."""
+    unknown = _visible(shooting, left)
+    verdict, share = ("unknown", 1.0) if unknown else ("none", 0.0)
+    return Judgement(verdict, fit, (), (), (), (), (), share, not unknown, left.p_value, rivals)
+
+
 def _may_be_coloured(shooting: Shooting) -> bool:
     """Whether what is left may be the noise's own colour: it is seen, or would not be; not that of videos."""
     coloured = bool(shooting.noise.colour.any()) or shooting.hides_colour
@@ -189,7 +200,7 @@ def _visible(shooting: Shooting, left: Omnibus) -> bool:
     return left.p_value < SURE and left.excess > least * shooting.dof
 
 
-def _rivals(selection: Selection) -> tuple[tuple[Fit, float, float], ...]:
+def _rivals(selection: Selection) -> _Compared:
     ranked = selection.ranked()
     scores = np.array([selection.score(fit) for fit in ranked])
     weights = np.exp(-0.5 * (scores - scores.min()))
