@@ -122,7 +122,7 @@ def test_a_wave_that_no_list_of_numbers_holds_is_found(clean, periods: float) ->
     close = 0.6 * 2 * np.pi / np.ptp(position)  # as near as the range tells
     found = [atom.gain for atom in atoms if abs(atom.seed[2] - periods) < close]
     assert np.abs(effect.seeds[:, 2] - periods).min() > close
-    assert max(found) > 0.8 * max(atom.gain for atom in atoms)
+    assert max(found) > 0.75 * max(atom.gain for atom in atoms)
 
 
 @pytest.mark.parametrize(("left", "kept"), [(7e-5, 1), (0.2, 2)])

@@ -281,16 +281,6 @@ def field_of(model: mujoco.MjModel, name: str) -> Any:
     return getattr(model.opt, name[4:]) if name.startswith("opt.") else getattr(model, name)
 
 
-def add_rotor(field: Callable[[str], Array], rows: Index, dof: int, inertia: Array) -> None:
-    """Adds to the inertia of a rotor in some simulations.
-
-    Where a body moves along its principal axes alone, MuJoCo takes ``dof_M0`` for the inertia and looks at
-    ``dof_armature`` no more.
-    """
-    field("dof_armature")[rows, dof] += inertia
-    field("dof_M0")[rows, dof] += inertia
-
-
 def element(spec: mujoco.MjSpec, items: Sequence[Any], target: str) -> Any:
     """The element of a model that is being edited which a target such as ``joint:elbow`` names.
 

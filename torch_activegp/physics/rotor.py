@@ -1,4 +1,4 @@
-"""A rotor between the ends of a gap, carried along the recorded motion of its joint."""
+"""A rotor: its inertia on a joint, and its way between the ends of a gap along the recorded motion of the joint."""
 
 from __future__ import annotations
 
@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 Array = NDArray[np.float64]
+Index = NDArray[np.integer[Any]]
 
 
 class Past(NamedTuple):
@@ -90,3 +91,13 @@ def carried(
         place = np.where(moved, np.where(touches, now * half, off), place)
         speed = np.where(moved, np.where(touches, 0.0, own + step * push / inertia - there.velocity), speed)
     return place, speed, side
+
+
+def add_rotor(field: Callable[[str], Array], rows: Index, dof: int, inertia: Array) -> None:
+    """Adds to the inertia of a rotor in some simulations.
+
+    Where a body moves along its principal axes alone, MuJoCo takes ``dof_M0`` for the inertia and looks at
+    ``dof_armature`` no more.
+    """
+    field("dof_armature")[rows, dof] += inertia
+    field("dof_M0")[rows, dof] += inertia
