@@ -172,7 +172,7 @@ class SpringyBacklash(Backlash):
     @classmethod
     def at(cls, place: Place, model: mujoco.MjModel) -> Self:
         """Makes the effect for a joint that :meth:`fits`, with ends on which the rotor rings at 13 Hz."""
-        firm = Backlash.at(place, model)
+        firm = super().at(place, model)
         per = f"{place.force_unit}/{place.position_unit}", f"{place.force_unit} s/{place.position_unit}"
         stiffness, damping = firm.rotor * _SOFT**2, 2.0 * _DAMPED * firm.rotor * _SOFT
         low, high = firm.rotor * _SOFTEST**2, firm.rotor * _STIFFEST**2
@@ -183,10 +183,10 @@ class SpringyBacklash(Backlash):
         )
         whole = 1.0 / max(float(model.dof_invweight0[place.index]), 1e-12)
         light = 1.0 / (1.0 / firm.rotor + 1.0 / max(whole - firm.armature, _LEAST * whole))
-        values = {field.name: getattr(firm, field.name) for field in dataclasses.fields(firm)}
         seeds = np.array([[0.015 * firm.parameters[0].high, stiffness, damping]])
-        values |= {"parameters": parameters, "seeds": seeds, "variant": "springy", "stands_in": True, "light": light}
-        return cls(**values)
+        return dataclasses.replace(
+            firm, parameters=parameters, seeds=seeds, variant="springy", stands_in=True, light=light
+        )
 
     def absent(self, values: Array) -> Array:
         """No gap, and ends as firm as they may be."""
