@@ -85,18 +85,24 @@ def test_a_parameter_that_shows_nowhere_stays() -> None:
     np.testing.assert_allclose(bounded_step(normal, gradient, 0.0, np.zeros(2), -far, far, np.ones(2)), [0.5, 0.0])
 
 
-def test_a_step_gains_what_it_promises_and_braked_states_less() -> None:
+@pytest.mark.parametrize("damping", [0.0, 0.3, 10.0])
+def test_a_step_gains_what_it_promises(damping: float) -> None:
+    """Whatever step the states take beside that of the parameters, and none at all."""
     rng = np.random.default_rng(3)
     design, columns, residual = rng.normal(size=(4, 20, 2)), rng.normal(size=(4, 20, 3)), rng.normal(size=(4, 20))
     linear = eliminate(design, columns, residual)
     delta, reach = np.array([0.1, -0.2, 0.05]), np.full(2, 1e6)
+    for shift in (linear.states(delta, reach, damping), np.zeros((4, 2))):
+        left = residual - columns @ delta - np.einsum("smn,sn->sm", design, shift)
+        assert linear.gain(delta, shift) == pytest.approx(float((residual**2 - left**2).sum()), rel=1e-6)
 
-    def left(delta: np.ndarray, part: float) -> float:
-        """Chi2 after a step of the parameters that the states follow, and a part of the states' own."""
-        own = linear.states(np.zeros(3), reach)
-        shift = linear.states(delta, reach) - own + part * own
-        return float(((residual - columns @ delta - np.einsum("smn,sn->sm", design, shift)) ** 2).sum())
 
-    before = float((residual**2).sum())
-    for part in (1.0, 0.3, 0.0):
-        assert linear.gain(delta, np.full(4, part)) == pytest.approx(before - left(delta, part), rel=1e-6)
+def test_damped_states_keep_what_shows_and_lose_what_hardly_does() -> None:
+    """Two states that do almost the same: their sum shows, their difference hardly."""
+    along, across = np.random.default_rng(4).normal(size=(2, 50))
+    design = np.stack([along + 1e-3 * across, along - 1e-3 * across], axis=-1)[None]
+    linear = eliminate(design, np.zeros((1, 50, 0)), (along + across)[None])
+    whole, damped = (linear.states(np.zeros(0), np.full(2, 1e6), damping)[0] for damping in (0.0, 1e-2))
+    assert abs(whole[0] - whole[1]) > 100.0
+    assert damped.sum() == pytest.approx(whole.sum(), rel=0.2)
+    assert abs(damped[0] - damped[1]) < 1.0

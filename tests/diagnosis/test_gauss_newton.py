@@ -1,10 +1,9 @@
 from __future__ import annotations
 
-import itertools
-
 import numpy as np
 import pytest
 
+from torch_activegp.diagnosis.following import StatesAlone
 from torch_activegp.diagnosis.gauss_newton import Problem
 
 
@@ -137,7 +136,7 @@ def test_a_segment_that_overshot_once_does_not_creep_for_ever(bench) -> None:
         if problem.finished:
             break
         candidates, states = problem.ask()
-        asked += len(candidates)
+        asked += len(candidates) * (1.0 if problem.only is None else problem.only.mean())
         offset = states[..., 0].copy()
         offset[:, 3] = 10.0 * np.arctan(offset[:, 3])
         slope = np.array([c.values[0][0] for c in candidates])
@@ -145,7 +144,7 @@ def test_a_segment_that_overshot_once_does_not_creep_for_ever(bench) -> None:
     fit = problem.result()
     assert fit.chi2 < 1e-2
     assert fit.values[0][0] == pytest.approx(0.3, abs=1e-3)
-    assert asked < 30
+    assert asked < 40
 
 
 def test_a_step_that_makes_one_segment_worse_is_tried_again_there_alone(bench) -> None:
@@ -158,27 +157,25 @@ def test_a_step_that_makes_one_segment_worse_is_tried_again_there_alone(bench) -
         if len(candidates) == 1:
             white[0, 3] = 1e6
         problem.tell(white, last=False)
-    np.testing.assert_array_equal(np.flatnonzero(problem.only), [3])
     _, again = problem.ask()
-    np.testing.assert_array_equal(np.delete(again, 3, 1), np.delete(states, 3, 1))
-    assert not np.array_equal(again[0, 3], states[0, 3])
+    np.testing.assert_array_equal(np.flatnonzero(problem.only), [3])
+    assert len(again) > 1
+    assert all(not np.array_equal(one[3], states[0, 3]) for one in again)
     np.testing.assert_array_equal(problem.others, white[0])
 
 
-def test_a_third_detour_from_one_point_is_not_taken(bench) -> None:
-    """The states never follow; from the second detour on, the step gets shorter alone."""
+def test_states_are_fitted_alone_twice_at_most_from_one_point(bench) -> None:
+    """They never follow; from then on, the step gets shorter alone."""
     fit = bench.fit("viscous_friction", 0.05)
     problem = Problem(bench.shooting, fit.effects, (np.array([0.5]),), fit.starts, smooth=fit.starts)
-    still: list[bool] = []
-    for number in range(20):
+    alone: list[object] = []
+    for number in range(30):
         candidates, states = problem.ask()
+        derivatives = problem.known is not None or not number
         white = bench.shooting.residuals_from(states, candidates)
-        if number:  # nothing but the first point is any good
-            white = white if len(candidates) > 1 else np.full_like(white, 1e4)
-        problem.tell(white, last=False)
-        still.append(problem._kept is not None)
-    detours = sum(after and not before for before, after in itertools.pairwise(still))
-    assert detours == 2
+        problem.tell(white if derivatives else np.full_like(white, 1e4), last=False)  # only the first point is any good
+        alone.append(problem._follower if isinstance(problem._follower, StatesAlone) else None)
+    assert len({id(one) for one in alone if one is not None}) == 2
 
 
 def test_where_the_states_have_settled_no_segment_is_braked(bench) -> None:
@@ -198,10 +195,10 @@ def test_where_the_states_have_settled_no_segment_is_braked(bench) -> None:
     assert problem.only is None
 
 
-def test_a_step_that_helps_allows_detours_again(bench) -> None:
+def test_a_step_that_helps_allows_states_to_be_fitted_alone_again(bench) -> None:
     fit = bench.fit("viscous_friction", 0.05)
     problem = Problem(bench.shooting, fit.effects, (np.array([0.02]),), fit.starts)
     problem.tell(bench.shooting.residuals_from(*problem.ask()[::-1]), last=False)
-    problem._detours = 2
+    problem._detours = 0
     problem.tell(bench.shooting.residuals_from(*problem.ask()[::-1]), last=False)
-    assert problem._detours == 0
+    assert problem._detours == 2

@@ -246,7 +246,14 @@ def test_what_is_tried_in_a_part_of_the_segments_is_simulated_there_alone(bench,
     partly = bench.shooting.fit(sets, starts, hold=hold, near=right if hold else None)
     least = min(asked)
     asked.clear()
-    monkeypatch.setattr(module, "_MOST", 0.0)
+    ask = Problem.ask
+
+    def of_all(self):
+        wanted = ask(self)
+        self.only = None
+        return wanted
+
+    monkeypatch.setattr(Problem, "ask", of_all)
     wholly = bench.shooting.fit(sets, starts, hold=hold, near=right if hold else None)
     assert least < min(asked) == bench.segments.size
     for one, other in zip(partly, wholly, strict=True):

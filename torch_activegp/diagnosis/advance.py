@@ -16,7 +16,8 @@ if TYPE_CHECKING:
     from torch_activegp.diagnosis.shooting import Shooting
 
 _MOST = 0.5
-"""Part of the segments from which on all of them are simulated: sets side by side cost less than one by one."""
+"""Part of the segments from which on all of them are simulated for a single candidate: sets side by side cost less than
+one by one."""
 
 
 def advance(shooting: Shooting, problems: Iterable[Problem], last: bool) -> None:
@@ -34,10 +35,10 @@ def advance(shooting: Shooting, problems: Iterable[Problem], last: bool) -> None
     whole: list[tuple[Problem, list[Candidate], Array]] = []
     for problem in problems:
         candidates, states = problem.ask()
-        if problem.only is None or problem.only.mean() > _MOST:
+        if problem.only is None or (problem.only.mean() > _MOST and len(candidates) == 1):
             whole.append((problem, candidates, states))
             continue
-        white = problem.others[None].copy()
+        white = np.repeat(problem.others[None], len(candidates), axis=0)
         white[:, problem.only] = shooting.pick(problem.only).residuals_from(states[:, problem.only], candidates)
         problem.tell(white, last)
     points, moves, roughly = [], [], []

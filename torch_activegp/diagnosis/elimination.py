@@ -38,31 +38,44 @@ class Eliminated:
         """Chi2 that the initial states alone can take away in each segment, to first order, ``(S,)``."""
         return np.asarray((np.einsum("smn,sm->sn", self.basis, self.residual) ** 2).sum(-1))
 
-    def promised(self, brake: Array) -> Array:
-        """The same by a part of the states' step, ``(S,)``, in each."""
-        return np.asarray(self.promise * brake * (2.0 - brake))
+    def promised(self, shift: Array, delta: Array | None = None) -> Array:
+        """Chi2 that a step of the initial states ``(S, n)`` takes away in each segment, to first order, ``(S,)``.
 
-    def gain(self, delta: Array, brake: Array) -> float:
+        Args:
+            shift: the step.
+            delta: change of the parameters beside it, ``(P,)``; what that takes away of what no state could is not in.
+        """
+        left = np.einsum("smn,sm->sn", self.basis, self.residual)
+        moved = np.einsum("sij,sj->si", self.triangle, shift)
+        if delta is not None:
+            moved = moved + np.einsum("smn,smp,p->sn", self.basis, self.columns, delta)
+        return np.asarray((left**2 - (left - moved) ** 2).sum(-1))
+
+    def gain(self, delta: Array, shift: Array) -> float:
         """Chi2 that a step takes away, to first order.
 
         Args:
             delta: change of the parameters, ``(P,)``.
-            brake: part of their own step that the states of each segment take, ``(S,)``.
+            shift: of the initial states, ``(S, n)``.
         """
-        states = float(self.promised(brake).sum())
+        states = float(self.promised(shift, delta).sum())
         return states + float(2.0 * self.gradient.sum(0) @ delta - delta @ self.normal.sum(0) @ delta)
 
-    def states(self, delta: Array, reach: Array) -> Array:
+    def states(self, delta: Array, reach: Array, damping: Array | float = 0.0) -> Array:
         """The change of the initial states that belongs to a change of the parameters, ``(S, n)``.
 
         Args:
             delta: change of the parameters, ``(P,)``.
             reach: how far a state may sensibly move, ``(n,)``; what hardly shows (the speed of a joint that friction
                 holds) moves by no more.
+            damping: of each segment, ``(S,)``, in units of the diagonal of the states' normal matrix. Where a joint
+                sticks soon, its place and its speed show in the same way, and their difference hardly.
         """
         left = self.residual - self.columns @ delta
         right = np.einsum("smn,sm->sn", self.basis, left)
-        normal = self.triangle.transpose(0, 2, 1) @ self.triangle + np.diag(1.0 / reach**2)
+        normal = self.triangle.transpose(0, 2, 1) @ self.triangle
+        size = np.diagonal(normal, axis1=1, axis2=2) * np.broadcast_to(damping, len(normal))[:, None]
+        normal = normal + (size + 1.0 / reach**2)[:, :, None] * np.eye(len(reach))
         return np.linalg.solve(normal, np.einsum("sij,si->sj", self.triangle, right)[..., None])[..., 0]
 
 

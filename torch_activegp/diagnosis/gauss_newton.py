@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import copy
-
 import numpy as np
 from numpy.typing import NDArray
 
@@ -12,7 +10,8 @@ from torch_activegp.diagnosis.differences import Differences
 from torch_activegp.diagnosis.elimination import Eliminated, bounded_step, eliminate
 from torch_activegp.diagnosis.engine import Candidate
 from torch_activegp.diagnosis.fit import Fit, bounds, difference_steps, inside, resting, split
-from torch_activegp.diagnosis.point import FAILED, Likelihood, Point, total
+from torch_activegp.diagnosis.following import SLOWER, Follower, OtherSteps, StatesAlone
+from torch_activegp.diagnosis.point import Likelihood, Point, chi2_of, total
 from torch_activegp.diagnosis.runs import Array
 from torch_activegp.physics.effect import Effect
 
@@ -72,14 +71,15 @@ class Problem:
         self.only: NDArray[np.bool_] | None = None
         self.known: Array | None = None
         self.others: Array
-        self._kept: Problem | None = None
+        self._follower: Follower | None = None
+        self._followed = 0
         self._stale = self._design is not None
-        self._age, self._detours = int(self._stale), 0
+        self._age, self._detours = int(self._stale), _DETOURS
 
     @property
     def chi2(self) -> float:
         """The least chi2 so far; that of the smaller set where it begins from there."""
-        points = [self.best, self.resting, self._kept.best if self._kept is not None else None]
+        points = [self.best, self.resting]
         return min((point.chi2 for point in points if point is not None), default=np.inf)
 
     @property
@@ -90,6 +90,9 @@ class Problem:
     def ask(self) -> tuple[list[Candidate], Array]:
         """A trial alone, or what derivatives want where the last step has changed much, or both in the beginning."""
         flat, starts, self.known = self._trial, self._trial_starts, None
+        if self._follower is not None:
+            self.only, self.others = self._follower.only, self._follower.residual
+            return self._follower.ask()
         if self._design is not None and self._still:
             self._columns = np.zeros((*self._design.shape[:2], 0))
         if self._design is not None and self._columns is not None:
@@ -104,9 +107,14 @@ class Problem:
 
     def tell(self, white: Array, last: bool) -> None:
         """Takes the whitened residuals of what was asked for and makes the next trial."""
+        if self._follower is not None:
+            followed = self._follow(self._follower, white)
+            if followed is None:
+                return
+            white = followed
         self.only = None
         residual = white[0].copy()  # a view would keep all of what was asked for
-        per_segment = np.nan_to_num((residual**2).sum(-1), nan=FAILED, posinf=FAILED)
+        per_segment = chi2_of(residual)
         first, alone = self.best is None, self.best is not None and len(white) == 1
         if alone and self._still:
             self._each_for_itself(residual, per_segment, last)
@@ -133,12 +141,9 @@ class Problem:
         settled = (self.finished or little) and not self._smoothed
         self._settling = 0 if last or settled else self._settling - 1
         self.finished, self._smoothed = self.finished and not self._settling, False
-        if self._settling or (last and self._kept is None):
+        if self._settling or last:
             return
         self.only, self._brakes = None, Brakes(len(self._trial_starts))
-        if self._kept is not None:
-            self._end_of_detour()
-            return
         self.finished, self._columns, self._damping = False, None, _FIRST_DAMPING
         if self._below is not None and self.chi2 > self._below[0].chi2:  # a first guess that makes it worse misleads
             below, self._trial = self._below
@@ -157,7 +162,7 @@ class Problem:
         old, chi2 = np.inf if self.best is None else self.best.chi2, total(per_segment)
         if chi2 <= old:
             self.best, self._raw = Point(self._trial, self._trial_starts, per_segment), residual
-            self._detours = 0 if chi2 < old else self._detours
+            self._detours = _DETOURS if chi2 < old else self._detours
         self.resting = None
         assert self._design is not None and self._columns is not None
         self._linear = eliminate(self._design, self._columns, np.nan_to_num(residual))
@@ -165,9 +170,10 @@ class Problem:
         if not fresh and np.isfinite(old):
             self._damping = max(self._damping / 10.0, 1e-9)
             self._age += 1
-            if fell > _MUCH * chi2 and not last:  # far from where the derivatives were taken: once more, here
+            held = fell < 0.5 * self._predicted and float(self._linear.promise[self._brakes.on].sum()) > _HOPE * chi2
+            if (fell > _MUCH * chi2 or held) and not last:  # far from where the derivatives were taken: once more, here
                 self._columns = None
-                self._design = None if fell > 0.5 * chi2 else self._design
+                self._design = None if fell > 0.5 * chi2 or held else self._design
                 return
             self.finished = fell < 1e-4 * chi2 + 0.05
         self.finished |= last
@@ -193,7 +199,8 @@ class Problem:
             self._anew(misled)
         elif not self.finished:
             self._propose()
-            self.only, self.others = self._brakes.moving(self._linear, self.best.per_segment), self._raw
+            shift = self._trial_starts - self.best.starts
+            self.only, self.others = self._brakes.moving(self._linear, shift, self.best.per_segment), self._raw
             self._trial_starts = np.where(self.only[:, None], self._trial_starts, self.best.starts)
 
     def _take_derivatives(self, white: Array, by: Differences) -> Array:
@@ -207,57 +214,43 @@ class Problem:
             self._given, self._age = {}, max(self._age, 1)
         return self._columns
 
-    def _detour(self, residual: Array, per_segment: Array) -> None:
-        """Lets the states follow a step that did not help before it is refused: what stuck before may slip now.
-
-        For three rounds, with the derivatives that there are: new ones, and a fourth round, ended farther off.
-        """
-        assert self.best is not None and self._design is not None and self._smooth is not None
-        self._kept = copy.copy(self)
-        worse = per_segment > self.best.per_segment + _LITTLE
-        self.best, self._raw = Point(self._trial, self._trial_starts, per_segment), residual
-        self._columns, self._settling = self._design[..., :0], SETTLE
-        self._linear = eliminate(self._design, self._columns, np.nan_to_num(residual))
-        self._brakes = Brakes(len(worse))
-        self._propose()
-        self.finished = False
-        self._trial_starts = np.where(worse[:, None], self._smooth, self._trial_starts)
-        self._smoothed = True
-
-    def _end_of_detour(self) -> None:
-        """Goes on from where the states have followed, or back to where they came from."""
-        assert self.best is not None and self._kept is not None
-        kept, self._kept = self._kept, None
-        better = self.chi2 < kept.chi2
-        if better:
-            design = kept._design if self._design is None else self._design
-            assert design is not None and kept._columns is not None
-            self._linear = eliminate(design, kept._columns, np.nan_to_num(self._raw))
-            self._columns, self._detours = None, 0  # anew, where there is a next time
-            self._trial, self._trial_starts = self.best.flat, self.best.starts
-        else:
-            vars(self).update(vars(kept))
-        self.finished, self._brakes = False, Brakes(len(self._trial_starts))
-        if not better:
-            self._shorten()
-
     def _worse(self, residual: Array, per_segment: Array, last: bool) -> None:
-        """A step that did not help: blame single segments, then old derivatives, then the length of the step."""
+        """A step that did not help: states that follow it better, then new derivatives, then a shorter step."""
         assert self.best is not None
-        bad = None if last else self._brakes.blame(per_segment > self.best.per_segment + _LITTLE)
-        if bad is not None:
-            self._propose()
-            self.only, self.others = bad, residual
+        if not last and self._lets_states_follow(residual, per_segment):
             return
         if self._age and not last:
             self._anew()
             return
-        if self._smooth is not None and not last and self._detours < _DETOURS and self._predicted > _HOPE * self.chi2:
-            self._detours += 1
-            self._detour(residual, per_segment)
-            return
         self._shorten()
         self.finished |= last
+
+    def _lets_states_follow(self, residual: Array, per_segment: Array) -> bool:
+        """Whether states are sought by which the segments that got worse follow; once in each way."""
+        assert self.best is not None
+        worse, known = per_segment > self.best.per_segment + _LITTLE, (self._trial, self._trial_starts, per_segment)
+        trial = Candidate(self.effects, split(self.effects, self._trial))
+        if not worse.any():
+            return False
+        if self._followed == 0:
+            delta = self._trial - self.best.flat
+            ways = [self.best.starts + self._shift(delta, damping) for damping in SLOWER]
+            ways += [] if self._smooth is None else [self._smooth]
+            self._follower = OtherSteps(trial, Point(*known), residual, worse, ways)
+        elif self._followed == 1 and self._smooth is not None and self._predicted > _HOPE * self.chi2 and self._detours:
+            self._detours -= 1
+            self._follower = StatesAlone(self.shooting, trial, Point(*known), residual, worse)
+        self._followed += 1
+        return self._follower is not None
+
+    def _follow(self, follower: Follower, white: Array) -> Array | None:
+        """Residuals ``(1, S, M)`` of the trial once its states have followed; None before."""
+        follower.tell(white)
+        if not follower.ends:
+            return None
+        self._brakes.take(follower.chosen)
+        self._trial_starts, self._follower = follower.point.starts, None
+        return follower.residual[None]
 
     def _anew(self, misled: bool = True) -> None:
         """Goes on from the best point with new derivatives: precise ones where those that there were misled."""
@@ -280,16 +273,19 @@ class Problem:
             normal, gradient = eliminated.normal.sum(0), eliminated.gradient.sum(0)
             little = difference_steps(self.effects, flat)
             delta = bounded_step(normal, gradient, self._damping, flat, self._low, self._high, little)
-        shift = eliminated.states(delta[: eliminated.normal.shape[-1]], self._reach)
-        self._predicted = eliminated.gain(delta[: eliminated.normal.shape[-1]], self._brakes.share)
+        shift = self._shift(delta)
+        self._predicted = eliminated.gain(delta[: eliminated.normal.shape[-1]], shift)
         self.finished |= self._predicted < _LITTLE + 1e-5 * self.chi2
-        brake = self._brakes.share[:, None] / (1.0 + self._damping)
-        self._trial, self._trial_starts = flat + delta, self.best.starts + brake * shift
+        self._trial, self._trial_starts = flat + delta, self.best.starts + shift
+        self._followed = 0
+
+    def _shift(self, delta: Array, damping: float = 0.0) -> Array:
+        """The step of the initial states ``(S, n)`` beside one of the parameters, with so much damping at least."""
+        held = np.maximum(self._brakes.damping, damping)
+        return self._linear.states(delta[: self._linear.normal.shape[-1]], self._reach, held)
 
     def result(self) -> Fit:
         """The best point, or the smaller set where nothing was tried since it began from there."""
-        if self._kept is not None:
-            self._end_of_detour()
         if self.resting is not None:
             return self.resting
         best = self.best

@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import NamedTuple, Protocol
 
 import numpy as np
+from numpy.typing import NDArray
 
 from torch_activegp.diagnosis.runs import Array
 from torch_activegp.diagnosis.segments import Segments
@@ -24,6 +25,10 @@ class Likelihood(Protocol):
     @property
     def lends(self) -> bool:
         """Whether derivatives come from another simulation than the residuals."""
+        ...
+
+    def pick(self, which: NDArray[np.bool_]) -> Likelihood:
+        """The same over some of the segments."""
         ...
 
     def state_columns(self, starts: Array) -> Array:
@@ -52,6 +57,11 @@ class Point(NamedTuple):
     def chi2(self) -> float:
         """That of all segments, :func:`total`."""
         return total(self.per_segment)
+
+
+def chi2_of(white: Array) -> Array:
+    """The chi2 of segments ``(...)`` from their whitened residuals ``(..., M)``; finite where a simulation failed."""
+    return np.asarray(np.nan_to_num((white**2).sum(-1), nan=FAILED, posinf=FAILED))
 
 
 def total(per_segment: Array) -> float:

@@ -41,7 +41,7 @@ MAX_EFFECTS = 4
 _CHEAP = 60
 """So many fits of one segment cost little: where there are few segments, more is fitted than looks best."""
 _COMPANY = 40
-_ROUNDS = 10
+_ROUNDS = 20
 _PATIENCE = 15e6
 """Cases that end right compute a few million time steps for a search, most of them below ten. What no effect on the
 list explains would compute ever more."""

@@ -19,8 +19,9 @@ from torch_activegp.diagnosis.runs import Array
 from torch_activegp.diagnosis.segments import Segments
 from torch_activegp.physics.effect import Effect
 
-ROUNDS = 30
-"""Simulations of a fit at most, one after the other; where joints stick and slip, 20 ended half-way."""
+ROUNDS = 60
+"""Simulations of a fit at most, one after the other, many of a few segments alone; where joints stick and slip, 30 ended
+half-way."""
 _LENDS = 3.0
 """Times the steps of the cheap engine from which on derivatives of fits come from it."""
 _COLOUR_UNSEEN = 1 / 67
