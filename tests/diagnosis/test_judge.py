@@ -194,7 +194,7 @@ def test_what_may_be_nothing_is_not_named_and_counts_among_those_that_leave_too_
     some = bench.shooting.fit([(effects, (np.array([0.045]), np.array([0.0])))], bench.nominal.starts, hold=True)[0]
     monkeypatch.setattr("torch_activegp.diagnosis.judge.LEAST_SHARE", -1.0)
     monkeypatch.setattr("torch_activegp.diagnosis.judge.MAX_EFFECTS", names)
-    monkeypatch.setattr("torch_activegp.diagnosis.judge.is_certain", lambda *args: args[-1] is effects[0])
+    monkeypatch.setattr("torch_activegp.diagnosis.judge.is_certain", lambda *args, **_: args[-1] is effects[0])
     judged = judge(bench.shooting, selection(bench, some))
     assert (judged.named, judged.retuned) == (effects[:1], effects[1:])
     assert 0.04 < judged.unexplained < 0.15
@@ -206,7 +206,7 @@ def test_the_only_name_is_none_where_it_may_be_nothing(bench, monkeypatch, visib
     """A lift that sticks, as its model: an armature gained 260 in chi2 by initial states, and may be zero."""
     wet = bench.fit("viscous_friction", 0.05)
     assert judge(bench.shooting, selection(bench, wet)).named == wet.effects
-    monkeypatch.setattr("torch_activegp.diagnosis.judge.is_certain", lambda *_: False)
+    monkeypatch.setattr("torch_activegp.diagnosis.judge.is_certain", lambda *_, alone: not alone)
     monkeypatch.setattr("torch_activegp.diagnosis.judge.VISIBLE", visible)
     judged = judge(bench.shooting, selection(bench, wet))
     assert (judged.verdict, judged.named, judged.retuned, judged.fit) == (verdict, (), (), bench.nominal)

@@ -149,7 +149,7 @@ def judge(shooting: Shooting, selection: Selection) -> Judgement:
     least = min(LEAST_SHARE, worth)
     kept = [i for i, share in enumerate(shares) if share >= least] or [0]
     count, plain = len(kept), not tuned and len(kept) == len(order)
-    certain = [i for i in kept if is_certain(shooting, best, order[i])]
+    certain = [i for i in kept if is_certain(shooting, best, order[i], alone=count == 1)]
     if count == 1 and not certain:  # other initial states gained what it seemed to
         return _nameless(shooting, nominal, before, rivals)
     kept = certain or kept[:1]
