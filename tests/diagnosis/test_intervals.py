@@ -56,7 +56,7 @@ def test_what_the_scores_do_not_tell_from_nothing_is_not_certain(bench) -> None:
     for times, certain in ((0.95 * wide, False), (1.05 * wide, True), (3.8, True), (4.0, True)):
         wild = dataclasses.replace(much, scores=much.scores * fit.values[0][0] / (times * error))
         assert is_certain(bench.shooting, wild, friction) is certain
-        assert is_certain(bench.shooting, wild, friction, alone=True) is (times > 3.9)
+        assert is_certain(bench.shooting, wild, friction, alone=True) is bool(times > 3.9)
         (estimate,) = estimates(bench.shooting, wild, friction).values()
         assert (estimate.ci95[0] > 0.0) is certain
     assert not is_certain(bench.shooting, dataclasses.replace(fit, values=(np.zeros(1),)), friction)

@@ -73,9 +73,9 @@ def test_shares_go_by_what_each_adds_and_next_to_nothing_is_not_named(bench, mon
     assert [effect.name for effect in judged.retuned] == ["constant_force"]
     assert judged.fit.effects == effects
     monkeypatch.setattr("torch_activegp.diagnosis.judge.LEAST_SHARE", 0.0)
-    monkeypatch.setattr("torch_activegp.diagnosis.judge.is_certain", lambda *_: False)
+    monkeypatch.setattr("torch_activegp.diagnosis.judge.is_certain", lambda *_, **__: False)
     assert judge(bench.shooting, selection(bench, both)).named == judged.named
-    monkeypatch.setattr("torch_activegp.diagnosis.judge.is_certain", lambda *_: True)
+    monkeypatch.setattr("torch_activegp.diagnosis.judge.is_certain", lambda *_, **__: True)
     judged = judge(bench.shooting, selection(bench, both))
     assert [effect.name for effect in judged.named] == ["viscous_friction", "constant_force"]
     assert judged.shares[0] > 0.95 > 0.05 > judged.shares[1] >= 0.0
@@ -146,7 +146,7 @@ def test_less_may_be_left_by_a_search_that_was_cut_short(bench, monkeypatch, cut
 
 
 def test_much_of_the_rest_is_named_however_little_of_the_whole(bench, monkeypatch) -> None:
-    monkeypatch.setattr("torch_activegp.diagnosis.judge.is_certain", lambda *_: True)  # the second is all made up
+    monkeypatch.setattr("torch_activegp.diagnosis.judge.is_certain", lambda *_, **__: True)  # the second is all made up
     effects = (bench.effect("constant_force"), bench.effect("viscous_friction"))
     both = bench.shooting.fit([(effects, (np.array([0.0]), np.array([0.05])))], bench.nominal.starts)[0]
     nominal = dataclasses.replace(bench.nominal, chi2=1e9)
@@ -166,7 +166,7 @@ def test_a_friction_behind_a_tuning_may_be_one_of_two_levels(bench, monkeypatch)
     two_sided = bench.fit("asymmetric_friction", 0.02, 0.02)
     for tuned in ((wet,), ()):
         monkeypatch.setattr("torch_activegp.diagnosis.judge._split", lambda *_, tuned=tuned: ([dry], tuned))
-        monkeypatch.setattr("torch_activegp.diagnosis.judge.is_certain", lambda *_: True)
+        monkeypatch.setattr("torch_activegp.diagnosis.judge.is_certain", lambda *_, **__: True)
         chosen = selection(bench, dataclasses.replace(both, chi2=0.9 * both.chi2), two_sided)
         assert chosen.best.effects == both.effects
         judged = judge(bench.shooting, chosen)
