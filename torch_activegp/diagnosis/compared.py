@@ -194,10 +194,9 @@ def fitted(shooting: Shooting, selection: Selection, effects: Sequence[Effect], 
     return fit if again is None else min(fit, again, key=lambda fit: fit.chi2)
 
 
-def without_each(selection: Selection, shooting: Shooting) -> list[tuple[Effect, Fit]]:
-    """The best set without each of its effects that could be another one."""
+def without_each(selection: Selection, shooting: Shooting, named: Sequence[Effect]) -> list[tuple[Effect, Fit]]:
+    """The best set without each of some of its effects."""
     best = selection.best
-    named = [effect for effect in best.effects if effect.key not in selection.score.free]
     rests = {effect: [e for e in best.effects if e is not effect] for effect in named}
     values = best.by_effect
     unknown = [rest for rest in rests.values() if selection.of(rest) is None]

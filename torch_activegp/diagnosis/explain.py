@@ -6,12 +6,12 @@ import dataclasses
 from collections.abc import Callable, Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 
 from torch_activegp.diagnosis.blackbox_engine import GivenNumerics
 from torch_activegp.diagnosis.checkpoint import Checkpoint
 from torch_activegp.diagnosis.compared import Selection
 from torch_activegp.diagnosis.engine import Engine
+from torch_activegp.diagnosis.first_names import Naming, besides, in_brief_pieces, is_of, leaders, on_a_part
 from torch_activegp.diagnosis.fit import Fit
 from torch_activegp.diagnosis.lengths import Lengths, longest
 from torch_activegp.diagnosis.machine import Machine
@@ -20,8 +20,8 @@ from torch_activegp.diagnosis.noise_left import noise_behind, raised
 from torch_activegp.diagnosis.noise_model import NoiseModel
 from torch_activegp.diagnosis.numerics import CREEPS, Numerics, Sets
 from torch_activegp.diagnosis.polish import polish
-from torch_activegp.diagnosis.prospects import NOISE_ALONE, hopeless
-from torch_activegp.diagnosis.selection import Depth, select
+from torch_activegp.diagnosis.prospects import hopeless
+from torch_activegp.diagnosis.selection import select
 from torch_activegp.diagnosis.shooting import Shooting
 from torch_activegp.diagnosis.weak import also_weak
 from torch_activegp.physics.effect import Effect
@@ -36,10 +36,6 @@ _ANEW = 3
 """How often noise is taken anew behind what all data say."""
 _AGAIN = 3
 """How often numerics are looked at again behind new names."""
-_ENOUGH = 600.0
-"""Chi2 above the noise by which the first names are found, on a part of the data where there is twice as much,"""
-_FEWEST = 12
-"""but on no fewer segments: six of twenty led astray where three effects are hidden."""
 
 
 @dataclasses.dataclass(frozen=True)
@@ -126,7 +122,7 @@ def explain(
             if other is None:
                 break
             floor = raised(floor, other)
-            start = _with_noise(machine, numerics, start, _leaders(selection), selection.score.free, other, tell)
+            start = _with_noise(machine, numerics, start, leaders(selection), selection.score.free, other, tell)
             selection = select_from(start)
         return start, selection
 
@@ -144,42 +140,27 @@ def _start(
     long: Lengths,
     tell: Tell,
 ) -> _Start:
-    """Names on a part of the data where there is much to explain."""
+    """Names on a part of the data where there is much to explain, and in brief pieces before where it is very much."""
     segments, first = long.segments, long.nominal
-    engine, shooting, nominal, judged = numerics.choose(segments, noise, first, first)
-    sets: Sets = []
-    free: frozenset[tuple[str, str]] = frozenset()
-    excess = nominal.chi2 - shooting.dof
-    if excess > 2 * _ENOUGH and segments.size > _FEWEST:
+    far = bool(first.chi2 > _TOO_FAR * segments.counts.sum() * segments.position.shape[-1])
+    hint = in_brief_pieces(machine, numerics, noise, effects, tell) if far else None
+    sets, free = (hint.sets, hint.free) if hint is not None else ([], frozenset())
+    naming = Naming(*numerics.choose(segments, noise, first, first, sets), sets, free)
+    engine, shooting, nominal, judged = naming.engine, naming.shooting, naming.nominal, naming.judged
+    if naming.wants_a_part:
         tell("naming on a part of the data")
-        part, which = _part(shooting, excess)
-        here = nominal.pick(which)
-        rough = part.fit([((), ())], here.starts, near=here)[0]
-        chosen = select(part, effects, rough, tell=tell, depth=Depth(rounds=1))
-        if chosen.best.effects and chosen.score.scale > NOISE_ALONE:
-            sets, free = _leaders(chosen), chosen.score.free  # behind them another form may agree better
-            engine, shooting, nominal, judged = numerics.choose(shooting.segments, noise, nominal, nominal, sets)
-            part, which = _part(shooting, excess)
-            here, there = nominal.pick(which), judged.pick(which)
-            seen = part.fit([(there.effects, there.values)], there.starts, near=there)[0]
-            others = _besides(sets, seen)
-            chosen = select(part, effects, here, others, seen, tell, free, Depth(swaps=0))  # swaps come with all data
-        sets, free, lost = _leaders(chosen), chosen.score.free, hopeless(chosen, part)
+        naming = on_a_part(naming, numerics, noise, effects, tell)
+        engine, shooting, nominal, judged = naming.engine, naming.shooting, naming.nominal, naming.judged
+        sets, lost = naming.sets, naming.lost
         used = shooting.segments
         near = long.halved and bool(used.far_off(nominal.per_segment, _FAR / 4).any())
         fewer = longest(machine, numerics, noise, _TOO_FAR, long) if near else long
         longer = fewer.segments.size < segments.size
         if longer:
             used, nominal = fewer.segments, fewer.nominal
-        if longer or (frozenset(chosen.best.effects) != frozenset(judged.effects) and not lost):
+        if longer or (naming.best != frozenset(judged.effects) and not lost):
             engine, shooting, nominal, judged = numerics.choose(used, noise, nominal, nominal, [] if lost else sets)
-            sets = _besides(sets, judged)
-    return _Start(engine, shooting, nominal, sets, judged, free, noise)
-
-
-def _part(shooting: Shooting, excess: float) -> tuple[Shooting, NDArray[np.int64]]:
-    """The likelihood over so much of the data as the first names want, and which segments."""
-    return shooting.subset(max(_ENOUGH / excess, 0.2, _FEWEST / shooting.segments.size))
+    return _Start(engine, shooting, nominal, besides(sets, judged), judged, naming.free, noise)
 
 
 def _with_noise(
@@ -199,17 +180,17 @@ def _with_noise(
     segments, nominal = start.shooting.segments, start.nominal
     loud = start.shooting.noise.innovation.min() / noise.innovation.min()
     far = bool(segments.far_off(nominal.per_segment * loud**2, _TOO_FAR).any())
-    if not far and sets and _is_of(start.first, sets[0][0]) and _alike(noise, start.noise):
+    if not far and sets and is_of(start.first, sets[0][0]) and _alike(noise, start.noise):
         shooting = dataclasses.replace(start.shooting, noise=noise)
         nominal, first = nominal.without_derivatives, start.first.without_derivatives  # those of the other noise
         bare = shooting.fit([((), ())], nominal.starts, CREEPS, near=nominal)[0]
         judged = shooting.fit(sets[:1], first.starts, near=first)[0]
-        return _Start(start.engine, shooting, bare, _besides(sets, judged), judged, free, start.noise)
+        return _Start(start.engine, shooting, bare, besides(sets, judged), judged, free, start.noise)
     if far:
         longer = longest(machine, numerics, noise, _TOO_FAR)
         segments, nominal = longer.segments, longer.nominal
     engine, shooting, nominal, judged = numerics.choose(segments, noise, nominal, nominal, sets)
-    return _Start(engine, shooting, nominal, _besides(sets, judged), judged, free, noise)
+    return _Start(engine, shooting, nominal, besides(sets, judged), judged, free, noise)
 
 
 def _finish(
@@ -218,17 +199,15 @@ def _finish(
     """Looks at the numerics once more behind the effects, unless chosen behind just these, or these explain little."""
     engine, shooting, nominal, judged = start.engine, start.shooting, start.nominal, start.first
     for _ in range(_AGAIN):
-        best, leaders = selection.best, _leaders(selection)
-        settled = _is_of(judged, best.effects) or not best.effects
+        best, first = selection.best, leaders(selection)
+        settled = is_of(judged, best.effects) or not best.effects
         if not (settled or selection.cut_short or hopeless(selection, shooting)):
             known = (engine, shooting)
-            again, other, bare, judged = numerics.choose(
-                shooting.segments, shooting.noise, best, nominal, leaders, known
-            )
+            again, other, bare, judged = numerics.choose(shooting.segments, shooting.noise, best, nominal, first, known)
             if again is not engine:
                 engine, shooting, nominal = again, other, bare
                 tell("naming with the numerics seen behind the effects")
-                rest = _besides(leaders, judged)
+                rest = besides(first, judged)
                 selection = select(shooting, effects, bare, rest, judged, tell, selection.score.free)
         weak = also_weak(shooting, selection, effects, tell)
         if weak is selection:
@@ -239,24 +218,7 @@ def _finish(
     return Explanation(engine, shooting, selection, tuple(effects), fine, firm)
 
 
-def _leaders(selection: Selection) -> Sets:
-    """The best sets with effects: three at most, and none that more data cannot bring to the front."""
-    far = selection.score(selection.best) + selection.score.slack
-    near = [fit for fit in selection.ranked()[:3] if selection.score(fit) <= far]
-    return [(fit.effects, fit.values) for fit in near if fit.effects]
-
-
 def _alike(one: NoiseModel, other: NoiseModel) -> bool:
     """Whether two noises are of the same colour in all channels, and about as loud."""
     change = np.abs(np.log(one.innovation / other.innovation)).max()
     return bool(np.array_equal(one.colour, other.colour) and change < np.log(_LIKE))
-
-
-def _is_of(judged: Fit, effects: Sequence[Effect]) -> bool:
-    """Whether a fit is of a set; one that failed is of none."""
-    return bool(np.isfinite(judged.chi2)) and frozenset(judged.effects) == frozenset(effects)
-
-
-def _besides(sets: Sets, judged: Fit) -> Sets:
-    """Those of some sets that a fit is not of."""
-    return [some for some in sets if not _is_of(judged, some[0])]

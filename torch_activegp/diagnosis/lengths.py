@@ -27,6 +27,7 @@ _OUT, _OUT_FAR = 10.0, 0.25
 """A segment stands out by so many times the median, and by so large a part of what is too far: one of twenty whose
 initial state was not found, at 50 times the noise, made a search of 150 s where nothing was missing."""
 _ROUNDS = 6
+_BRIEF, _FEW_ROWS = 0.06, 12
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
@@ -79,6 +80,19 @@ def longest(machine: Machine, forms: Forms, noise: NoiseModel, too_far: float, k
             return Lengths(segments, best, whole, form)
         segments = shorter
         best = _nominal(Shooting(form, segments, noise))
+
+
+def brief(machine: Machine, forms: Forms, noise: NoiseModel) -> Lengths | None:
+    """Pieces of the runs so short that their first states say nearly all; None where rows are too far apart for that.
+
+    Without a lead: what stuck in a tenth of a second before a piece would be in no recording.
+    """
+    seconds = max(_BRIEF, _FEW_ROWS * median_step(machine.fit))
+    if seconds > 0.5 * _SHORTEST:
+        return None
+    segments = cut(machine.fit, seconds, 0.0)
+    fit = _nominal(Shooting(forms.coarse, segments, noise))
+    return Lengths(segments, fit, fit, forms.coarse)
 
 
 def _stands_out(fit: Fit, segments: Segments, too_far: float) -> NDArray[np.bool_]:

@@ -20,8 +20,10 @@ from torch_activegp.diagnosis.segments import Segments
 from torch_activegp.physics.effect import Effect
 
 ROUNDS = 60
-"""Simulations of a fit at most, one after the other, many of a few segments alone; where joints stick and slip, 30 ended
+"""Simulations of a fit at most, one after the other, many of them of a few segments; where joints stick, 30 ended
 half-way."""
+_SOON, _FAR_OFF = 20, 300.0
+"""After so many rounds fits end that are so many times the noise away: what they lead to is not sought."""
 _LENDS = 3.0
 """Times the steps of the cheap engine from which on derivatives of fits come from it."""
 _COLOUR_UNSEEN = 1 / 67
@@ -184,6 +186,9 @@ class Shooting:
             advance(self, running.values(), last=number == rounds)
             if race is not None:
                 race.give_up(list(running.values()), list(ended.values()), only_misled=number < SETTLE + 2)
+            if number >= _SOON:
+                for problem in running.values():
+                    problem.finished |= problem.chi2 > _FAR_OFF * self.dof
             for i in [i for i, problem in running.items() if problem.finished]:
                 ended[i] = running.pop(i).result()  # and lets go of what the fit needed
         ended |= {i: problem.result() for i, problem in running.items()}
