@@ -30,6 +30,8 @@ _FAR = 60.0
 """Segments are shortened for the first names until the nominal's chi2 is below so much per degree of freedom."""
 _TOO_FAR = 400.0
 """The same for the names in the end."""
+_LED = 3.0
+"""Times the noise up to which names found in brief pieces need no part of the data any more."""
 _LIKE = 1.5
 """Numerics are not chosen again for noise of the same colour that differs by less than this factor."""
 _ANEW = 3
@@ -147,7 +149,7 @@ def _start(
     sets, free = (hint.sets, hint.free) if hint is not None else ([], frozenset())
     naming = Naming(*numerics.choose(segments, noise, first, first, sets), sets, free)
     engine, shooting, nominal, judged = naming.engine, naming.shooting, naming.nominal, naming.judged
-    if naming.wants_a_part:
+    if naming.wants_a_part and not (hint is not None and judged.chi2 < _LED * shooting.dof):
         tell("naming on a part of the data")
         naming = on_a_part(naming, numerics, noise, effects, tell)
         engine, shooting, nominal, judged = naming.engine, naming.shooting, naming.nominal, naming.judged

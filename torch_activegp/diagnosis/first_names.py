@@ -1,0 +1,127 @@
+"""The first names: found on a part of the data, and where the nominal is far off, in brief pieces of it before."""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Callable, Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from torch_activegp.diagnosis.compared import Selection
+from torch_activegp.diagnosis.engine import Engine
+from torch_activegp.diagnosis.fit import Fit
+from torch_activegp.diagnosis.lengths import brief
+from torch_activegp.diagnosis.machine import Machine
+from torch_activegp.diagnosis.noise_model import NoiseModel
+from torch_activegp.diagnosis.numerics import Numerics, Sets
+from torch_activegp.diagnosis.prospects import NOISE_ALONE, hopeless
+from torch_activegp.diagnosis.selection import Depth, select
+from torch_activegp.diagnosis.shooting import Shooting
+from torch_activegp.physics.effect import Effect
+
+FEWEST = 12
+"""Segments on which first names are found: six of twenty led astray where three effects are hidden."""
+_ENOUGH = 600.0
+"""Chi2 above the noise by which the first names are found, on a part of the data where there is twice as much."""
+
+Tell = Callable[[str], None]
+
+
+@dataclasses.dataclass(frozen=True)
+class Naming:
+    """Where naming stands.
+
+    Args:
+        engine: the precise simulation.
+        shooting: the likelihood to compare sets with.
+        nominal: the fit without effects.
+        judged: the fit of the set behind which the numerics were chosen.
+        sets: the best so far, with first guesses.
+        free: what seemed to be tuned, :attr:`Score.free`.
+        best: the effects of the best set.
+        lost: whether what was found leaves nearly all.
+    """
+
+    engine: Engine
+    shooting: Shooting
+    nominal: Fit
+    judged: Fit
+    sets: Sets = dataclasses.field(default_factory=list)
+    free: frozenset[tuple[str, str]] = frozenset()
+    best: frozenset[Effect] = frozenset()
+    lost: bool = False
+
+    @property
+    def wants_a_part(self) -> bool:
+        """Whether a part of the data is enough for the first names."""
+        left = min(fit.chi2 for fit in (self.nominal, self.judged) if np.isfinite(fit.chi2))
+        return left - self.shooting.dof > 2 * _ENOUGH and self.shooting.segments.size > FEWEST
+
+
+def in_brief_pieces(
+    machine: Machine, numerics: Numerics, noise: NoiseModel, effects: Sequence[Effect], tell: Tell
+) -> Naming | None:
+    """Names found in pieces so brief that the nominal cannot go far astray; None where too little is seen in them.
+
+    Where joints stick, or with noise of a thousandth of the mismatch, a linearisation over a quarter of a second says
+    nothing: on a lift with three effects a search took 200 s and led anywhere. In pieces of 60 ms the nominal is off by
+    6 of the noise for 4700, and the right names come first.
+    """
+    first = brief(machine, numerics, noise)
+    if first is None:
+        return None
+    tell("naming in brief pieces")
+    naming = Naming(*numerics.choose(first.segments, noise, first.nominal, first.nominal))
+    return on_a_part(naming, numerics, noise, effects, tell) if naming.wants_a_part else None
+
+
+def on_a_part(naming: Naming, numerics: Numerics, noise: NoiseModel, effects: Sequence[Effect], tell: Tell) -> Naming:
+    """Names on a part of the data; the numerics are looked at once more behind the first of them.
+
+    Args:
+        naming: with sets to begin from, if there are any.
+        numerics: the forms of the model.
+        noise: of the recordings.
+        effects: what is tried.
+        tell: hears what is being done.
+    """
+    shooting, nominal, free = naming.shooting, naming.nominal, naming.free
+    part, which = _part(shooting, nominal)
+    here = nominal.pick(which)
+    rough = part.fit([((), ())], here.starts, near=here)[0]
+    chosen = select(part, effects, rough, naming.sets, tell=tell, free=free, depth=Depth(rounds=1))
+    if chosen.best.effects and chosen.score.scale > NOISE_ALONE:
+        sets, free = leaders(chosen), chosen.score.free  # behind them another form may agree better
+        engine, shooting, nominal, judged = numerics.choose(shooting.segments, noise, nominal, nominal, sets)
+        naming = dataclasses.replace(naming, engine=engine, shooting=shooting, nominal=nominal, judged=judged)
+        part, which = _part(shooting, nominal)
+        here, there = nominal.pick(which), judged.pick(which)
+        seen = part.fit([(there.effects, there.values)], there.starts, near=there)[0]
+        others = besides(sets, seen)
+        chosen = select(part, effects, here, others, seen, tell, free, Depth(swaps=0))  # swaps come with all data
+    best, lost = frozenset(chosen.best.effects), hopeless(chosen, part)
+    return dataclasses.replace(naming, sets=leaders(chosen), free=chosen.score.free, best=best, lost=lost)
+
+
+def _part(shooting: Shooting, nominal: Fit) -> tuple[Shooting, NDArray[np.int64]]:
+    """The likelihood over so much of the data as the first names want, and which segments."""
+    excess = max(nominal.chi2 - shooting.dof, _ENOUGH)
+    return shooting.subset(max(_ENOUGH / excess, 0.2, FEWEST / shooting.segments.size))
+
+
+def leaders(selection: Selection) -> Sets:
+    """The best sets with effects: three at most, and none that more data cannot bring to the front."""
+    far = selection.score(selection.best) + selection.score.slack
+    near = [fit for fit in selection.ranked()[:3] if selection.score(fit) <= far]
+    return [(fit.effects, fit.values) for fit in near if fit.effects]
+
+
+def is_of(judged: Fit, effects: Sequence[Effect]) -> bool:
+    """Whether a fit is of a set; one that failed is of none."""
+    return bool(np.isfinite(judged.chi2)) and frozenset(judged.effects) == frozenset(effects)
+
+
+def besides(sets: Sets, judged: Fit) -> Sets:
+    """Those of some sets that a fit is not of."""
+    return [some for some in sets if not is_of(judged, some[0])]
