@@ -1,51 +1,45 @@
 from __future__ import annotations
 
 import numpy as np
-import pytest
 
 from torch_activegp.diagnosis.brakes import Brakes
 from torch_activegp.diagnosis.elimination import eliminate
+from torch_activegp.diagnosis.following import SLOWER
 
 
-def test_a_few_that_got_worse_are_braked_until_they_stand() -> None:
-    brakes, worse = Brakes(5), np.arange(5) == 2
-    for share in (0.3, 0.09, 0.027, 0.0081):
-        np.testing.assert_array_equal(brakes.blame(worse), worse)
-        np.testing.assert_allclose(brakes.share, np.where(worse, share, 1.0))
-    assert brakes.blame(worse) is None
-    np.testing.assert_array_equal(brakes.on, worse)
-
-
-@pytest.mark.parametrize("count", [0, 2, 4])
-def test_none_and_half_of_all_are_not_to_blame(count: int) -> None:
-    brakes = Brakes(4)
-    assert brakes.blame(np.arange(4) < count) is None
-    assert not brakes.on.any()
+def test_a_segment_is_braked_as_the_way_that_its_states_take() -> None:
+    """The whole step and the smoothed recording, which comes last, brake nothing; nor do they release."""
+    brakes, last = Brakes(4), len(SLOWER) + 1
+    brakes.take(np.array([0, 1, 3, last]))
+    np.testing.assert_array_equal(brakes.damping, [0.0, SLOWER[0], SLOWER[2], 0.0])
+    np.testing.assert_array_equal(brakes.on, [False, True, True, False])
+    brakes.take(np.array([0, 2, 0, 0]))
+    np.testing.assert_array_equal(brakes.damping, [0.0, SLOWER[1], SLOWER[2], 0.0])
 
 
 def test_what_gets_better_is_released_step_by_step_and_what_was_not_tried_stays() -> None:
     brakes, both = Brakes(2), np.array([True, True])
     assert not brakes.follow(np.array([False, True]), both)
-    np.testing.assert_allclose(brakes.share, [0.3, 1.0])
-    np.testing.assert_array_equal(brakes.on, [True, False])
+    np.testing.assert_allclose(brakes.damping, [1e-3, 0.0])
+    brakes.follow(np.array([False, False]), np.array([True, False]))
+    np.testing.assert_allclose(brakes.damping, [3e-2, 0.0])
     assert brakes.follow(both, both)
-    np.testing.assert_allclose(brakes.share, [0.6, 1.0])
-    brakes.follow(np.array([True, False]), np.array([True, False]))
-    np.testing.assert_allclose(brakes.share, [1.0, 1.0])
+    np.testing.assert_allclose(brakes.damping, [1e-3, 0.0])
+    brakes.follow(both, both)
+    assert not brakes.on.any()
 
 
-def test_all_that_did_not_help_hardly_move_after_three_rounds() -> None:
+def test_all_that_did_not_help_hardly_move_after_four_rounds() -> None:
     brakes, tried = Brakes(3), np.array([True, True, False])
-    halted = [brakes.follow(np.array([False, True, False]), tried) for _ in range(3)]
-    assert halted == [False, False, True]
+    halted = [brakes.follow(np.array([False, True, False]), tried) for _ in range(4)]
+    assert halted == [False, False, False, True]
 
 
-def test_what_has_nothing_to_gain_or_is_held_does_not_move() -> None:
-    brakes, chi2 = Brakes(4), np.array([100.0, 100.0, 100.0, 1e30])
-    brakes.share[1] = 1e-6
-    promise = np.array([50.0, 50.0, 1e-4, 0.0])
-    residual = np.sqrt(promise)[:, None]
-    linear = eliminate(np.ones((4, 1, 1)), np.zeros((4, 1, 0)), residual)
-    np.testing.assert_allclose(linear.promised(np.array([1.0, 0.5, 0.0, 1.0])), [50.0, 37.5, 0.0, 0.0])
-    np.testing.assert_array_equal(brakes.moving(linear, chi2), [True, False, False, False])
-    assert brakes.moving(eliminate(np.ones((4, 1, 1)), np.zeros((4, 1, 0)), 0.0 * residual), chi2).all()
+def test_what_has_nothing_to_gain_does_not_move() -> None:
+    brakes, chi2 = Brakes(3), np.array([100.0, 100.0, 1e30])
+    residual = np.sqrt(np.array([50.0, 1e-4, 0.0]))[:, None]
+    linear = eliminate(np.ones((3, 1, 1)), np.zeros((3, 1, 0)), residual)
+    whole = linear.states(np.zeros(0), np.full(1, 1e9))
+    np.testing.assert_allclose(linear.promised(whole), [50.0, 1e-4, 0.0])
+    np.testing.assert_array_equal(brakes.moving(linear, whole, chi2), [True, False, False])
+    assert brakes.moving(linear, 0.0 * whole, chi2).all()

@@ -75,7 +75,7 @@ def test_the_best_set_is_taken_apart(bench, found) -> None:
     found.fits.clear()
     start = ((wet, spring), (np.array([0.05]), np.array([0.0])))
     found.add(bench.shooting.fit([start], bench.nominal.starts))
-    parts = {effect.name: fit for effect, fit in without_each(found, bench.shooting)}
+    parts = {effect.name: fit for effect, fit in without_each(found, bench.shooting, found.best.effects)}
     assert set(parts) == {"viscous_friction", "cubic_spring"}
     assert parts["viscous_friction"].chi2 > parts["cubic_spring"].chi2 + 100
     assert all(fit in found.fits for fit in parts.values())

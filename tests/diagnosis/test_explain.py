@@ -8,7 +8,8 @@ import numpy as np
 import pytest
 
 from tests.diagnosis.conftest import make_bench
-from torch_activegp.diagnosis.explain import _besides, _Start, _with_noise, explain
+from torch_activegp.diagnosis.explain import _Start, _with_noise, explain
+from torch_activegp.diagnosis.first_names import besides
 from torch_activegp.diagnosis.lengths import Lengths
 from torch_activegp.diagnosis.noise_model import NoiseModel
 from torch_activegp.diagnosis.numerics import Numerics
@@ -39,8 +40,8 @@ def test_a_floor_that_is_too_high_is_taken_anew(bench, monkeypatch, early) -> No
     Where a part of the data has told the friction already, nothing is named on all of it with the floor.
     """
     if early:
-        for name in ("_ENOUGH", "_FEWEST"):
-            monkeypatch.setattr(f"torch_activegp.diagnosis.explain.{name}", 1.0)
+        for name in ("_ENOUGH", "FEWEST"):
+            monkeypatch.setattr(f"torch_activegp.diagnosis.first_names.{name}", 1.0)
     monkeypatch.setattr(
         "torch_activegp.diagnosis.explain.noise_floor", lambda runs: NoiseModel.white(np.array([4 * bench.noise]))
     )
@@ -60,8 +61,8 @@ def test_a_floor_that_is_too_high_is_taken_anew(bench, monkeypatch, early) -> No
 def test_numerics_are_judged_again_by_another_noise_only_where_it_is_clearly_another(
     bench, monkeypatch, high, anew
 ) -> None:
-    for name in ("_ENOUGH", "_FEWEST"):
-        monkeypatch.setattr(f"torch_activegp.diagnosis.explain.{name}", 1.0)
+    for name in ("_ENOUGH", "FEWEST"):
+        monkeypatch.setattr(f"torch_activegp.diagnosis.first_names.{name}", 1.0)
     floor = NoiseModel.white(np.array([high * bench.noise]))
     monkeypatch.setattr("torch_activegp.diagnosis.explain.noise_floor", lambda runs: floor)
     behind, choose = [], Numerics.choose
@@ -111,8 +112,8 @@ def test_numerics_are_kept_for_much_the_same_noise_behind_the_same_set(
 def test_numerics_are_looked_at_again_behind_another_set_alone(bench, monkeypatch, early) -> None:
     """Behind the nominal, where little is to be explained at first; else behind the first names, which stay."""
     if early:
-        for name in ("_ENOUGH", "_FEWEST"):
-            monkeypatch.setattr(f"torch_activegp.diagnosis.explain.{name}", 1.0)
+        for name in ("_ENOUGH", "FEWEST"):
+            monkeypatch.setattr(f"torch_activegp.diagnosis.first_names.{name}", 1.0)
     known, choose = [], Numerics.choose
     monkeypatch.setattr(Numerics, "choose", lambda *a, **k: known.append(len(a) > 6) or choose(*a, **k))
     assert explain(bench.machine, some(bench), 1).selection.best.keys == {("viscous_friction", "joint:hip")}
@@ -123,10 +124,10 @@ def test_numerics_are_looked_at_again_behind_another_set_alone(bench, monkeypatc
 def test_numerics_are_not_looked_at_behind_names_that_leave_most_of_the_mismatch(monkeypatch, lost) -> None:
     """A bump that no mass explains: which form fits better behind that says nothing."""
     bumpy = make_bench("bump")
-    for name in ("_ENOUGH", "_FEWEST"):
-        monkeypatch.setattr(f"torch_activegp.diagnosis.explain.{name}", 1.0)
+    for name in ("_ENOUGH", "FEWEST"):
+        monkeypatch.setattr(f"torch_activegp.diagnosis.first_names.{name}", 1.0)
     if not lost:
-        monkeypatch.setattr("torch_activegp.diagnosis.explain.hopeless", lambda *_: False)
+        monkeypatch.setattr("torch_activegp.diagnosis.first_names.hopeless", lambda *_: False)
     behind, choose = [], Numerics.choose
     monkeypatch.setattr(Numerics, "choose", lambda *a: behind.append(len(a) > 5 and bool(a[5])) or choose(*a))
     tried = [effect for effect in bumpy.effects if effect.name == "payload_mass"]
@@ -222,15 +223,15 @@ def test_nothing_is_found_where_nothing_is_missing(clean) -> None:
 def test_a_set_that_was_fitted_is_not_fitted_again_unless_it_failed(bench) -> None:
     fit = bench.fit("viscous_friction", 0.05)
     own, other = (fit.effects, fit.values), ((bench.effect("quadratic_drag"),), (np.array([0.01]),))
-    assert _besides([own, other], fit) == [other]
-    assert _besides([own, other], dataclasses.replace(fit, chi2=np.inf)) == [own, other]
+    assert besides([own, other], fit) == [other]
+    assert besides([own, other], dataclasses.replace(fit, chi2=np.inf)) == [own, other]
 
 
 @pytest.mark.parametrize("early", [True, False])
 def test_noise_that_was_found_louder_is_the_floor_from_then_on(bench, monkeypatch, early: bool) -> None:
     if early:
-        for name in ("_ENOUGH", "_FEWEST"):
-            monkeypatch.setattr(f"torch_activegp.diagnosis.explain.{name}", 1.0)
+        for name in ("_ENOUGH", "FEWEST"):
+            monkeypatch.setattr(f"torch_activegp.diagnosis.first_names.{name}", 1.0)
     floors: list[NoiseModel] = []
 
     def louder(shooting, fit, floor, last=False):

@@ -64,8 +64,10 @@ def test_the_first_guess_of_a_shape_without_amplitudes_is_close_to_it(clean, nam
     effect, truth = clean.effect(name, target), np.array([value])
     there = clean.predict(Candidate((effect,), (truth,)))
     seen = dataclasses.replace(clean.segments, position=there)
-    (atom,) = screen(dataclasses.replace(clean.shooting, segments=seen), clean.nominal, [effect]).best()
-    assert atom.values[0] == pytest.approx(value, rel=0.35)
+    screened = screen(dataclasses.replace(clean.shooting, segments=seen), clean.nominal, [effect])
+    (best,) = screened.best()
+    as_good = [atom for atom in screened.atoms if atom.gain > 0.999 * best.gain]  # rounding errors tell them apart
+    assert any(atom.values[0] == pytest.approx(value, rel=0.35) for atom in as_good)
 
 
 @pytest.mark.parametrize(

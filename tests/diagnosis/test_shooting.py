@@ -6,7 +6,6 @@ import mujoco
 import numpy as np
 import pytest
 
-from torch_activegp.diagnosis import advance as module
 from torch_activegp.diagnosis.engine import Candidate, Engine
 from torch_activegp.diagnosis.gauss_newton import Problem
 from torch_activegp.diagnosis.race import Race
