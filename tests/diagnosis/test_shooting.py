@@ -279,3 +279,11 @@ def test_held_parameters_leave_segments_that_have_settled_alone(bench, monkeypat
     assert all(only[2] for only in partly[:1])
     assert sum(only.sum() for only in partly) < 0.5 * len(partly) * bench.segments.size
     assert again.chi2 == pytest.approx(bench.nominal.chi2, abs=1.0)
+
+
+@pytest.mark.parametrize("soon", range(1, 9))
+def test_a_fit_that_ends_far_off_has_its_derivatives(sticking, monkeypatch, soon: int) -> None:
+    """In whatever round: also where the states are following a step, or all derivatives are to be taken anew."""
+    monkeypatch.setattr("torch_activegp.diagnosis.shooting._SOON", soon)
+    monkeypatch.setattr("torch_activegp.diagnosis.shooting._FAR_OFF", 0.0)
+    assert sticking()[0].design is not None

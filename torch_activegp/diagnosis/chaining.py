@@ -34,7 +34,7 @@ def chained(shooting: Shooting, fit: Fit) -> Fit:
     for number in range(_ROUNDS):
         level = fit.per_segment / segments.samples
         out = level > _STANDS_OUT * max(float(np.median(level)), 1.0)
-        if not out.any():
+        if not out.any() or fit.design is None:
             break
         known = fit
         for states in [_continued(shooting, fit), *([] if number else _at_rest(shooting))]:  # rest ends as before

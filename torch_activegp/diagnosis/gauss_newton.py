@@ -79,8 +79,12 @@ class Problem:
     @property
     def chi2(self) -> float:
         """The least chi2 so far; that of the smaller set where it begins from there."""
-        points = [self.best, self.resting]
-        return min((point.chi2 for point in points if point is not None), default=np.inf)
+        return min((point.chi2 for point in (self.best, self.resting) if point is not None), default=np.inf)
+
+    @property
+    def has_derivatives(self) -> bool:
+        """Whether it may end here with its derivatives by the states."""
+        return self._design is not None and self._follower is None
 
     @property
     def _still(self) -> bool:

@@ -188,7 +188,7 @@ class Shooting:
                 race.give_up(list(running.values()), list(ended.values()), only_misled=number < SETTLE + 2)
             if number >= _SOON:
                 for problem in running.values():
-                    problem.finished |= problem.chi2 > _FAR_OFF * self.dof
+                    problem.finished |= problem.has_derivatives and problem.chi2 > _FAR_OFF * self.dof
             for i in [i for i, problem in running.items() if problem.finished]:
                 ended[i] = running.pop(i).result()  # and lets go of what the fit needed
         ended |= {i: problem.result() for i, problem in running.items()}
