@@ -5,7 +5,6 @@ from __future__ import annotations
 from typing import NamedTuple, Protocol
 
 import numpy as np
-from numpy.typing import NDArray
 
 from torch_activegp.diagnosis.runs import Array
 from torch_activegp.diagnosis.segments import Segments
@@ -25,10 +24,6 @@ class Likelihood(Protocol):
     @property
     def lends(self) -> bool:
         """Whether derivatives come from another simulation than the residuals."""
-        ...
-
-    def pick(self, which: NDArray[np.bool_]) -> Likelihood:
-        """The same over some of the segments."""
         ...
 
     def state_columns(self, starts: Array) -> Array:
