@@ -11,6 +11,7 @@ from torch_activegp.diagnosis.elimination import Eliminated, bounded_step, elimi
 from torch_activegp.diagnosis.engine import Candidate
 from torch_activegp.diagnosis.fit import Fit, bounds, difference_steps, inside, resting, split
 from torch_activegp.diagnosis.following import SLOWER, Follower, OtherSteps, StatesAlone
+from torch_activegp.diagnosis.patience import Patience
 from torch_activegp.diagnosis.point import Likelihood, Point, chi2_of, total
 from torch_activegp.diagnosis.runs import Array
 from torch_activegp.physics.effect import Effect
@@ -72,7 +73,7 @@ class Problem:
         self.known: Array | None = None
         self.others: Array
         self._follower: Follower | None = None
-        self._followed = 0
+        self._followed, self._patience = 0, Patience()
         self._stale = self._design is not None
         self._age, self._detours = int(self._stale), _DETOURS
 
@@ -147,8 +148,8 @@ class Problem:
         self.finished, self._smoothed = self.finished and not self._settling, False
         if self._settling or last:
             return
-        self.only, self._brakes = None, Brakes(len(self._trial_starts))
-        self.finished, self._columns, self._damping = False, None, _FIRST_DAMPING
+        self.only = self._columns = None
+        self.finished, self._brakes, self._damping = False, Brakes(len(self._trial_starts)), _FIRST_DAMPING
         if self._below is not None and self.chi2 > self._below[0].chi2:  # a first guess that makes it worse misleads
             below, self._trial = self._below
             self._trial_starts, self._design = below.starts, below.design
@@ -174,12 +175,14 @@ class Problem:
         if not fresh and np.isfinite(old):
             self._damping = max(self._damping / 10.0, 1e-9)
             self._age += 1
-            held = fell < 0.5 * self._predicted and float(self._linear.promise[self._brakes.on].sum()) > _HOPE * chi2
+            self._patience.take(fell, self._predicted, chi2)
+            braked = float(self._linear.promise[self._brakes.on].sum()) > _HOPE * chi2
+            held = braked and fell < 0.5 * self._predicted and not self._patience.ends
             if (fell > _MUCH * chi2 or held) and not last:  # far from where the derivatives were taken: once more, here
                 self._columns = None
                 self._design = None if fell > 0.5 * chi2 or held else self._design
                 return
-            self.finished = fell < 1e-4 * chi2 + 0.05
+            self.finished = fell < 1e-4 * chi2 + 0.05 or self._patience.ends
         self.finished |= last
         if not self.finished:
             self._propose()
@@ -197,8 +200,7 @@ class Problem:
         fell = float((old - self.best.per_segment).sum())
         self._linear = eliminate(self._design, self._columns, np.nan_to_num(self._raw))
         halted = self._brakes.follow(better, (self._trial_starts != old_starts).any(axis=1))
-        self._age += 1
-        self.finished = last or (fell < 1e-4 * self.chi2 + _LITTLE and halted)
+        self._age, self.finished = self._age + 1, last or (fell < 1e-4 * self.chi2 + _LITTLE and halted)
         if not last and (misled or (fell > _MUCH * self.chi2 and self._age > _STALE)):
             self._anew(misled)
         elif not self.finished:
@@ -210,8 +212,7 @@ class Problem:
     def _take_derivatives(self, white: Array, by: Differences) -> Array:
         if self._design is None:
             self._design = by.by_states(white)
-            self._age, self._stale = int(self.lent), self.lent
-            self._brakes = Brakes(len(white[0]))
+            self._age, self._stale, self._brakes = int(self.lent), self.lent, Brakes(len(white[0]))
         given = {} if self._still else self._given
         self._columns, self._taken = by.by_parameters(white, given), self._trial
         if given:
@@ -221,21 +222,19 @@ class Problem:
     def _worse(self, residual: Array, per_segment: Array, last: bool) -> None:
         """A step that did not help: states that follow it better, then new derivatives, then a shorter step."""
         assert self.best is not None
-        if not last and self._lets_states_follow(residual, per_segment):
+        self.finished = last
+        if last or self._lets_states_follow(residual, per_segment):
             return
-        if self._age and not last:
-            self._anew()
-            return
-        self._shorten()
-        self.finished |= last
+        again = self._anew if self._age else self._shorten
+        again()
 
     def _lets_states_follow(self, residual: Array, per_segment: Array) -> bool:
         """Whether states are sought by which the segments that got worse follow; once in each way."""
         assert self.best is not None
         worse, known = per_segment > self.best.per_segment + _LITTLE, (self._trial, self._trial_starts, per_segment)
-        trial = Candidate(self.effects, split(self.effects, self._trial))
         if not worse.any():
             return False
+        trial = Candidate(self.effects, split(self.effects, self._trial))
         if self._followed == 0:
             delta = self._trial - self.best.flat
             ways = [self.best.starts + self._shift(delta, damping) for damping in SLOWER]
@@ -275,8 +274,8 @@ class Problem:
         delta = np.zeros(len(flat))
         if not self._still:
             normal, gradient = eliminated.normal.sum(0), eliminated.gradient.sum(0)
-            little = difference_steps(self.effects, flat)
-            delta = bounded_step(normal, gradient, self._damping, flat, self._low, self._high, little)
+            box = self._low, self._high, difference_steps(self.effects, flat)
+            delta = bounded_step(normal, gradient, self._damping, flat, *box)
         shift = self._shift(delta)
         self._predicted = eliminated.gain(delta[: eliminated.normal.shape[-1]], shift)
         self.finished |= self._predicted < _LITTLE + 1e-5 * self.chi2

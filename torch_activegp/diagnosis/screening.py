@@ -188,15 +188,22 @@ def _scanned(channel: Mapping[int, int], rows: Iterable[_Row], effects: Sequence
 
 def _atom(effect: Effect, seed: Array, where: slice, gain: float, amplitude: Array) -> Atom:
     values = _with_amplitude(effect, seed, amplitude)
-    absent = not np.any(values[: effect.linear]) if effect.linear else amplitude[0] <= 0.0
-    return Atom(effect, values, 0.0 if absent else gain, where, seed)
+    wanted = np.any(values[: effect.linear]) if effect.linear else amplitude[0] > 0.0
+    if wanted and _is_a_size(effect):  # all seeds of a small one gain the same: the one that comes near it leads
+        gain *= max(1.0 - (1.0 - values[0] / (seed[0] * amplitude[0])) ** 2, 0.0)
+    return Atom(effect, values, gain if wanted else 0.0, where, seed)
+
+
+def _is_a_size(effect: Effect) -> bool:
+    """Whether all that an effect has is a size without an amplitude, such as a delay's."""
+    return not effect.linear and len(effect.parameters) == 1 and not effect.parameters[0].place
 
 
 def _with_amplitude(effect: Effect, seed: Array, amplitude: Array) -> Array:
     values = seed.copy()
     if effect.linear:
         values[: effect.linear] = amplitude * units_of(effect, seed)
-    elif len(seed) == 1 and not effect.parameters[0].place:
+    elif _is_a_size(effect):
         values *= _share(float(seed[0]), np.unique(effect.seeds), float(amplitude[0]))
     return np.clip(values, [p.low for p in effect.parameters], [p.high for p in effect.parameters])
 
