@@ -19,6 +19,14 @@ def test_a_name_and_a_parameter_have_their_price(bench) -> None:
     assert larger.price([one]) > 100 * score.price([one])
 
 
+def test_further_components_of_a_vector_cost_no_more_than_corrections(bench) -> None:
+    """A centre of mass that lies off along two axes is one thing; a law of two levels explains as much as two."""
+    forms = {e.variant: e for e in bench.effects if e.key == ("center_of_mass_offset", "body:rod")}
+    score = Score(samples=1000, names=30, scale=1.0, mismatch=1e6)
+    assert score.price([forms["xz"]]) == pytest.approx(score.price([forms["z"]]) + math.log(1000))
+    assert score.price([bench.effect("hysteresis")]) > 1.3 * score.price([forms["xz"]])
+
+
 @pytest.mark.parametrize(("scale", "first"), [(2.0, 6.0), (5.0, 20.0)])
 def test_the_score_is_chi2_in_units_of_the_noise_and_the_price(bench, scale: float, first: float) -> None:
     """The first effect costs more, and most where what is left is no white noise of a known size."""

@@ -5,6 +5,7 @@ import dataclasses
 import numpy as np
 import pytest
 
+from torch_activegp.diagnosis.candidate import Candidate
 from torch_activegp.diagnosis.compared import Selection
 from torch_activegp.diagnosis.heats import Heat
 from torch_activegp.diagnosis.score import Score
@@ -16,6 +17,18 @@ def test_rivals_take_the_place_of_what_was_found(bench) -> None:
     selection.rescale(bench.shooting.dof)
     swap(selection, bench.shooting, [bench.effect("quadratic_drag"), bench.effect("viscous_friction")])
     assert selection.best.keys == {("viscous_friction", "joint:hip")}
+
+
+def test_what_does_as_well_is_tried_in_its_other_forms_too(clean) -> None:
+    """A mass that lies off along two axes looks like an encoder's offset, and along one of them alone like nothing."""
+    forms = {e.variant: e for e in clean.effects if e.key == ("center_of_mass_offset", "body:rod")}
+    there = clean.predict(Candidate((forms["xz"],), (np.array([0.01, 0.01]),)))
+    shooting = dataclasses.replace(clean.shooting, segments=dataclasses.replace(clean.segments, position=there))
+    offset = clean.effect("sensor_bias", "sensor:hip")
+    nominal, found = shooting.fit([((), ()), ((offset,), (np.array([0.01]),))], clean.nominal.starts)
+    selection = Selection(nominal, [nominal, found], Score(shooting.samples, 60, 1.0))
+    swap(selection, shooting, [offset, *forms.values()])
+    assert selection.best.effects == (forms["xz"],)
 
 
 def test_dry_friction_that_looks_promising_is_fitted_in_its_soft_form(bench) -> None:

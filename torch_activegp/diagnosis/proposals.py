@@ -163,10 +163,10 @@ def simpler(
         free: (name, target) pairs that are no names; they stay.
     """
     pairs = list(zip(best.effects, best.values, strict=True))
-    fewer, plain = _other_forms(pairs, effects), []
+    fewer, plain = other_forms(pairs, effects), []
     for effect, value in ((e, v) for e, v in pairs if e.key not in free):
         others = [(e, v) for e, v in pairs if e is not effect]
-        fewer += [_set(others), *_other_forms(others, effects)] if others else []
+        fewer += [_set(others), *other_forms(others, effects)] if others else []
         for law in effects:
             if law.target == effect.target and law.name in effect.covers and law.linear == 1:
                 alone = [*others, (law, np.array([value[: effect.linear].mean()]))]
@@ -189,12 +189,21 @@ def softened(sets: Iterable[Set], effects: Sequence[Effect]) -> list[Set]:
     return out
 
 
-def _other_forms(pairs: Sequence[tuple[Effect, Array]], effects: Sequence[Effect]) -> list[Set]:
-    """A set with another form of one of its names: what one form leaves to a second name, another may hold alone."""
+def other_forms(
+    pairs: Iterable[tuple[Effect, Array]], effects: Sequence[Effect], of: Effect | None = None
+) -> list[Set]:
+    """A set with another form of one of its names: what one form leaves to a second name, another may hold alone.
+
+    Args:
+        pairs: the set's effects, and their parameters.
+        effects: what is tried.
+        of: the one that takes another form; each in turn where there is none.
+    """
+    pairs = list(pairs)
     return [
         _set([*((e, v) for e, v in pairs if e is not effect), (form, form.taking_over(effect, value))])
         for effect, value in pairs
-        for form in effects
+        for form in (effects if of in (None, effect) else ())
         if form.key == effect.key and form is not effect and (form.stands_in or effect.stands_in) and not form.more
     ]
 

@@ -90,10 +90,10 @@ class Score:
         return lenient.price(effects) - self.price(best) < most
 
     def price(self, effects: Sequence[Effect]) -> float:
-        """What a set must gain to be worth it."""
+        """What a set must gain to be worth it; further components of a vector cost no more than corrections do."""
         least = self.least
         named = [effect for effect in effects if effect.key not in self.free]
-        parameters = sum(len(effect.parameters) for effect in named)
+        parameters = sum(1 if effect.vector else len(effect.parameters) for effect in named)
         nuisances = sum(len(effect.parameters) for effect in effects) - parameters
         return parameters * max(self.a_parameter, least) + nuisances * self.a_parameter + len(named) * self.a_name
 

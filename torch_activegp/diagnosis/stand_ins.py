@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from torch_activegp.diagnosis.compared import Selection, compare, fitted, without_each
 from torch_activegp.diagnosis.fit import Fit
 from torch_activegp.diagnosis.heats import CLOSE, PART, near
-from torch_activegp.diagnosis.proposals import Set, diverse, join, late_elsewhere, softened
+from torch_activegp.diagnosis.proposals import Set, diverse, join, late_elsewhere, other_forms, softened
 from torch_activegp.diagnosis.screening import allowed, screen
 from torch_activegp.diagnosis.shooting import Shooting
 from torch_activegp.diagnosis.tuning import at_an_optimum, undone
@@ -20,6 +20,9 @@ from torch_activegp.physics.soft_friction import SOFT
 RIVALS = 4
 ALIKE = 0.6
 """To stand in for an effect, another one must gain so much of what it gains, to first order."""
+_AS_GOOD = 0.9
+"""And so much for its other forms to be tried: a bucket's centre of mass lay off along two axes, and one of them alone
+gained less than an offset of the encoder, which nearly did what both do."""
 _PLENTY = 400.0
 _LOST, _ROUNDS = 10.0, 20
 """Chi2 per degree of freedom by which a set is lost without an effect, and rounds of the fit that shows it."""
@@ -40,11 +43,12 @@ def swap(selection: Selection, shooting: Shooting, effects: Sequence[Effect]) ->
     seen = [(effect, *_seen(shooting, fit, fit.chi2 - best.chi2)) for effect, fit in smaller]
     for effect, part, fit in [*seen, *((effect, *there) for effect, there in lost.items())]:
         screened = screen(part, fit, allowed(effects, fit))
-        least = ALIKE * max((a.gain for a in screened.atoms if a.effect.key == effect.key), default=0.0)
-        atoms = [a for a in screened.best() if a.gain >= least and not _same_or_more(a.effect, effect)]
+        own = max((a.gain for a in screened.atoms if a.effect.key == effect.key), default=0.0)
+        atoms = [a for a in screened.best() if a.gain >= ALIKE * own and not _same_or_more(a.effect, effect)]
         for atom in diverse(atoms, RIVALS):
             rival = join(fit, [atom])
-            fresh.setdefault(frozenset(rival[0]), rival)
+            forms = other_forms(zip(*rival, strict=True), effects, atom.effect) if atom.gain > _AS_GOOD * own else []
+            fresh |= {frozenset(some[0]): some for some in [rival, *forms] if frozenset(some[0]) not in fresh}
     for known in selection.fits:
         fresh.pop(frozenset(known.effects), None)
     sets, starts = list(fresh.values()), None

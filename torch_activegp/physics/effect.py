@@ -121,6 +121,8 @@ class Effect:
     """Names of effects on the same target that this one contains."""
     never_negative: ClassVar[frozenset[str]] = frozenset()
     """Described parameters of which no machine has less than none; their intervals say so."""
+    vector: ClassVar[bool] = False
+    """Whether its parameters are components of one vector, so that more than one of them say no more than one does."""
     order: ClassVar[int] = 0
     """Place in the chain from the command of a drive to its force, where it acts on one."""
     needs_past: ClassVar[bool] = False

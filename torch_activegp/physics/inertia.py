@@ -48,6 +48,7 @@ class CenterOfMassOffset(BodyEffect):
 
     name = "center_of_mass_offset"
     law = "the body's centre of mass moves along its axes"
+    vector = True
 
     @classmethod
     def along(cls, place: Place, size: float, *axes: int) -> Self:
@@ -87,6 +88,7 @@ class GravityError(Effect):
 
     name = "gravity_error"
     law = "gravity is another vector"
+    vector = True
 
     @classmethod
     def along(cls, *axes: int, pulls: Mapping[str, Array] | None = None) -> Self:
