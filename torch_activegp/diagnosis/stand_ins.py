@@ -2,14 +2,15 @@
 
 from __future__ import annotations
 
+import dataclasses
 from collections.abc import Sequence
 
 import numpy as np
 from numpy.typing import NDArray
 
-from torch_activegp.diagnosis.compared import Selection, compare, fitted, without_each
+from torch_activegp.diagnosis.compared import Selection, compare, without_each
 from torch_activegp.diagnosis.fit import Fit
-from torch_activegp.diagnosis.heats import CLOSE, PART, near
+from torch_activegp.diagnosis.heats import CLOSE, PART, heat, near
 from torch_activegp.diagnosis.proposals import Set, diverse, join, late_elsewhere, other_forms, softened
 from torch_activegp.diagnosis.screening import allowed, screen
 from torch_activegp.diagnosis.shooting import Shooting
@@ -122,12 +123,14 @@ def try_tuned(selection: Selection, shooting: Shooting, effects: Sequence[Effect
     if not score.free and not at_an_optimum(screen(shooting, nominal, tunable), nominal.chi2 - best.chi2):
         return
     rests = [*([e for e in named if e is not one] for one in named), *([one] for one in named if len(named) > 2)]
-    sets: list[Set] = []
-    for rest in rests:
-        fit = fitted(shooting, selection, rest, best)
-        selection.add([fit] if selection.of(rest) is None else [])
-        sets += _undone(selection, shooting, fit, tunable)
-    compare(shooting, selection, sets, best, race=True)
+    part, which = shooting.subset(PART)  # on all data fits without a name, far from anything, take longest
+    here, values = best.pick(which), best.by_effect
+    bare = part.fit([(rest, [values[e] for e in rest]) for rest in rests], here.starts, _ROUNDS, near=here)
+    price = part.segments.size / shooting.segments.size * score.a_parameter * score.scale
+    sets = [some for fit in bare for some in undone(fit, screen(part, fit, allowed(tunable, fit)), price)]
+    lenient = dataclasses.replace(score, free=frozenset(effect.key for effect in tunable))
+    passed = heat(shooting, [some for some in sets if selection.of(some[0]) is None], best, lenient)
+    compare(shooting, selection, passed.sets, best, race=True, starts=passed.starts)
 
 
 def undo(selection: Selection, shooting: Shooting, effects: Sequence[Effect]) -> None:
