@@ -148,8 +148,8 @@ class Problem:
         self.finished, self._smoothed = self.finished and not self._settling, False
         if self._settling or last:
             return
-        self.only = self._columns = None
-        self.finished, self._brakes, self._damping = False, Brakes(len(self._trial_starts)), _FIRST_DAMPING
+        self.only, self._brakes = None, Brakes(len(self._trial_starts))
+        self.finished, self._columns, self._damping = False, None, _FIRST_DAMPING
         if self._below is not None and self.chi2 > self._below[0].chi2:  # a first guess that makes it worse misleads
             below, self._trial = self._below
             self._trial_starts, self._design = below.starts, below.design
@@ -200,7 +200,8 @@ class Problem:
         fell = float((old - self.best.per_segment).sum())
         self._linear = eliminate(self._design, self._columns, np.nan_to_num(self._raw))
         halted = self._brakes.follow(better, (self._trial_starts != old_starts).any(axis=1))
-        self._age, self.finished = self._age + 1, last or (fell < 1e-4 * self.chi2 + _LITTLE and halted)
+        self._age += 1
+        self.finished = last or (fell < 1e-4 * self.chi2 + _LITTLE and halted)
         if not last and (misled or (fell > _MUCH * self.chi2 and self._age > _STALE)):
             self._anew(misled)
         elif not self.finished:
@@ -274,8 +275,8 @@ class Problem:
         delta = np.zeros(len(flat))
         if not self._still:
             normal, gradient = eliminated.normal.sum(0), eliminated.gradient.sum(0)
-            box = self._low, self._high, difference_steps(self.effects, flat)
-            delta = bounded_step(normal, gradient, self._damping, flat, *box)
+            little = difference_steps(self.effects, flat)
+            delta = bounded_step(normal, gradient, self._damping, flat, self._low, self._high, little)
         shift = self._shift(delta)
         self._predicted = eliminated.gain(delta[: eliminated.normal.shape[-1]], shift)
         self.finished |= self._predicted < _LITTLE + 1e-5 * self.chi2

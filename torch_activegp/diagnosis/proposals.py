@@ -190,7 +190,7 @@ def softened(sets: Iterable[Set], effects: Sequence[Effect]) -> list[Set]:
 
 
 def other_forms(
-    pairs: Iterable[tuple[Effect, Array]], effects: Sequence[Effect], of: Effect | None = None
+    pairs: Sequence[tuple[Effect, Array]], effects: Sequence[Effect], of: Effect | None = None
 ) -> list[Set]:
     """A set with another form of one of its names: what one form leaves to a second name, another may hold alone.
 
@@ -199,11 +199,11 @@ def other_forms(
         effects: what is tried.
         of: the one that takes another form; each in turn where there is none.
     """
-    pairs = list(pairs)
     return [
         _set([*((e, v) for e, v in pairs if e is not effect), (form, form.taking_over(effect, value))])
         for effect, value in pairs
-        for form in (effects if of in (None, effect) else ())
+        if of is None or effect is of
+        for form in effects
         if form.key == effect.key and form is not effect and (form.stands_in or effect.stands_in) and not form.more
     ]
 

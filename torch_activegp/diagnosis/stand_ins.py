@@ -47,9 +47,11 @@ def swap(selection: Selection, shooting: Shooting, effects: Sequence[Effect]) ->
         own = max((a.gain for a in screened.atoms if a.effect.key == effect.key), default=0.0)
         atoms = [a for a in screened.best() if a.gain >= ALIKE * own and not _same_or_more(a.effect, effect)]
         for atom in diverse(atoms, RIVALS):
-            rival = join(fit, [atom])
-            forms = other_forms(zip(*rival, strict=True), effects, atom.effect) if atom.gain > _AS_GOOD * own else []
-            fresh |= {frozenset(some[0]): some for some in [rival, *forms] if frozenset(some[0]) not in fresh}
+            rivals = [join(fit, [atom])]
+            if atom.gain > _AS_GOOD * own:
+                rivals += other_forms(list(zip(*rivals[0], strict=True)), effects, atom.effect)
+            for rival in rivals:
+                fresh.setdefault(frozenset(rival[0]), rival)
     for known in selection.fits:
         fresh.pop(frozenset(known.effects), None)
     sets, starts = list(fresh.values()), None
@@ -66,16 +68,21 @@ def _lost_on_a_part(
 
     On all data such a fit, far from anything, would take longest: on a lift, 97 s for two of three effects.
     """
-    best, values = selection.best, selection.best.by_effect
+    best = selection.best
     rests = {effect: tuple(e for e in best.effects if e is not effect) for effect in named}
     unknown = [effect for effect, rest in rests.items() if rest and selection.of(rest) is None]
     part, which = shooting.subset(PART)
     if not unknown or part.segments.size == shooting.segments.size:
         return {}
     here = best.pick(which)
-    fits = part.fit([(rests[e], tuple(values[o] for o in rests[e])) for e in unknown], here.starts, _ROUNDS, near=here)
-    lost = zip(unknown, fits, strict=True)
+    lost = zip(unknown, _smaller(part, here, [rests[effect] for effect in unknown]), strict=True)
     return {e: (part, fit) for e, fit in lost if np.isfinite(fit.chi2) and fit.chi2 - here.chi2 > _LOST * part.dof}
+
+
+def _smaller(part: Shooting, here: Fit, sets: Sequence[Sequence[Effect]]) -> list[Fit]:
+    """Fits of some sets that a fit holds, from where it is on a part of the data, and not to their ends."""
+    values = here.by_effect
+    return part.fit([(some, [values[effect] for effect in some]) for some in sets], here.starts, _ROUNDS, near=here)
 
 
 def _seen(shooting: Shooting, fit: Fit, gain: float) -> tuple[Shooting, Fit]:
@@ -124,12 +131,11 @@ def try_tuned(selection: Selection, shooting: Shooting, effects: Sequence[Effect
         return
     rests = [*([e for e in named if e is not one] for one in named), *([one] for one in named if len(named) > 2)]
     part, which = shooting.subset(PART)  # on all data fits without a name, far from anything, take longest
-    here, values = best.pick(which), best.by_effect
-    bare = part.fit([(rest, [values[e] for e in rest]) for rest in rests], here.starts, _ROUNDS, near=here)
-    price = part.segments.size / shooting.segments.size * score.a_parameter * score.scale
-    sets = [some for fit in bare for some in undone(fit, screen(part, fit, allowed(tunable, fit)), price)]
+    share = part.segments.size / shooting.segments.size
+    bare = _smaller(part, best.pick(which), rests)
+    sets = [some for fit in bare for some in _undone(selection, part, fit, tunable, share)]
     lenient = dataclasses.replace(score, free=frozenset(effect.key for effect in tunable))
-    passed = heat(shooting, [some for some in sets if selection.of(some[0]) is None], best, lenient)
+    passed = heat(shooting, sets, best, lenient)
     compare(shooting, selection, passed.sets, best, race=True, starts=passed.starts)
 
 
@@ -139,8 +145,10 @@ def undo(selection: Selection, shooting: Shooting, effects: Sequence[Effect]) ->
     compare(shooting, selection, _undone(selection, shooting, best, tunable), best, below=best)
 
 
-def _undone(selection: Selection, shooting: Shooting, fit: Fit, tunable: Sequence[Effect]) -> list[Set]:
-    """A set with all further tunable effects that pay beside it, where that was not compared."""
-    price = selection.score.a_parameter * selection.score.scale
+def _undone(
+    selection: Selection, shooting: Shooting, fit: Fit, tunable: Sequence[Effect], share: float = 1.0
+) -> list[Set]:
+    """A set with all further tunable effects that pay beside it on a share of the data, where it was not compared."""
+    price = share * selection.score.a_parameter * selection.score.scale
     sets = undone(fit, screen(shooting, fit, allowed(tunable, fit)), price)
     return [some for some in sets if selection.of(some[0]) is None]
