@@ -29,6 +29,18 @@ def test_rows_far_apart_make_no_brief_pieces(bench) -> None:
     assert brief(machine, Numerics.of(machine, 1), noise_floor(bench.machine.fit)) is None
 
 
+@pytest.mark.parametrize(("most", "named"), [(1e9, True), (0.5, False)])
+def test_names_in_brief_pieces_that_leave_too_much_lead_nowhere(bench, monkeypatch, most, named) -> None:
+    """No noise leaves half of itself: what a machine remembers for longer than a piece is not on the list."""
+    for name, value in (("_ENOUGH", 1.0), ("FEWEST", 1.0), ("_LEADS", most)):
+        monkeypatch.setattr(f"torch_activegp.diagnosis.first_names.{name}", value)
+    noise = noise_floor(bench.machine.fit)
+    effects = [bench.effect("viscous_friction")]
+    found = in_brief_pieces(bench.machine, Numerics.of(bench.machine, 1), noise, effects, lambda _: None)
+    assert found is not None
+    assert bool(found.sets) == named
+
+
 @pytest.mark.parametrize("far", [True, False])
 def test_names_from_brief_pieces_lead_on_where_the_nominal_is_far_off(bench, monkeypatch, far) -> None:
     """They need not be the right ones: here the mismatch is too small for so brief a look."""

@@ -202,3 +202,21 @@ def test_a_step_that_helps_allows_states_to_be_fitted_alone_again(bench) -> None
     problem._detours = 0
     problem.tell(bench.shooting.residuals_from(*problem.ask()[::-1]), last=False)
     assert problem._detours == 2
+
+
+def test_a_fit_whose_steps_keep_nothing_of_their_promises_ends_at_the_third(bench) -> None:
+    """Braked segments promise much as long as they do not move, and derivatives anew change nothing about it."""
+    fit = bench.fit("viscous_friction", 0.05)
+    problem = Problem(bench.shooting, fit.effects, (np.array([0.02]),), fit.starts + 0.01)
+    problem.tell(bench.shooting.residuals_from(*problem.ask()[::-1]), last=False)
+    trials = 0
+    while not problem.finished and trials < 9:
+        candidates, states = problem.ask()
+        white = bench.shooting.residuals_from(states, candidates)
+        if len(candidates) == 1:
+            trials += 1
+            problem._brakes.damping[:] = 1.0
+            problem.tell((1.0 - 1e-6) * problem._raw[None], last=False)
+        else:
+            problem.tell(problem._raw + white - white[:1], last=False)
+    assert trials == 3
