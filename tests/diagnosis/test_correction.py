@@ -56,6 +56,23 @@ def test_effects_on_a_drive_are_written_in_its_chain(bench) -> None:
     assert held == [False, True]
 
 
+@pytest.mark.parametrize("turned", [False, True])
+def test_a_stop_is_as_stiff_as_it_should_be_whatever_comes_before_it(bench, spec, turned: bool) -> None:
+    """Its stiffness is written for the inertia that the joint has in the end."""
+    some = [
+        (bench.effect("joint_stop"), np.array([100.0, 1.0, 0.3])),
+        (bench.effect("armature_error"), np.array([0.33])),
+    ]
+    effects, values = zip(*(some[::-1] if turned else some), strict=True)
+    text, held, _ = corrected_xml(spec, effects, values, None)
+    assert held == [True, True]
+    model = mujoco.MjModel.from_xml_string(text)
+    data = mujoco.MjData(model)
+    data.qpos[0] = 0.4
+    mujoco.mj_forward(model, data)
+    assert data.qfrc_constraint[0] == pytest.approx(-10.0, rel=0.02)
+
+
 def test_without_effects_the_model_stays_the_same(spec) -> None:
     text, _, difference = corrected_xml(spec, [], [], None)
     assert (text, difference) == (spec.to_xml(), "")

@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 from torch_activegp.data.balls import balls_model, load_balls
-from torch_activegp.diagnosis import diagnose
+from torch_activegp.diagnosis import diagnose, evaluate
 from torch_activegp.diagnosis.compared import Selection
 from torch_activegp.diagnosis.diagnose import _remainder, _rivals
 from torch_activegp.diagnosis.score import Score
@@ -45,8 +45,14 @@ def test_nothing_is_named_where_nothing_was_left_out(diagnosed) -> None:
 
 @pytest.mark.parametrize("path", ["runs/*.csv", Path("run.csv")])
 def test_a_path_in_place_of_recordings_is_refused(bench, path: str | Path) -> None:
-    with pytest.raises(ConfigurationError, match=r"found a path. Read them: load_recordings\('run"):
+    with pytest.raises(ConfigurationError, match=r"found a path. Read it: load_recordings\('run"):
         diagnose(bench.xml, path)
+    with pytest.raises(ConfigurationError, match=r"found a path. Read it: load_recordings\('run"):
+        diagnose(bench.xml, [path])
+    with pytest.raises(ConfigurationError, match=r"evaluate: recordings wanted, found a path"):
+        evaluate(bench.xml, path)
+    with pytest.raises(ConfigurationError, match="diagnose: recordings wanted, found 3"):
+        diagnose(bench.xml, [3])
 
 
 def test_a_bump_over_the_position_is_unknown(diagnosed) -> None:
@@ -210,8 +216,10 @@ def test_a_rival_that_was_given_up_in_a_race_is_not_reported(bench, worse, shown
     fits = [part, whole, bench.nominal]
     selection = Selection(bench.nominal, fits, Score(bench.shooting.samples, 10, 1.0))
     explanation = SimpleNamespace(shooting=bench.shooting, selection=selection)
-    rivals = _rivals(explanation, SimpleNamespace(rivals=[(fit, float(i), 0.3) for i, fit in enumerate(fits)]))
+    compared = [(fit, float(i), 0.3) for i, fit in enumerate(fits)]
+    rivals = _rivals(explanation, SimpleNamespace(fit=part, rivals=compared))
     assert len(rivals) == shown
+    assert len(_rivals(explanation, SimpleNamespace(fit=whole, rivals=compared))) == 3  # unless it was chosen
     assert [rival["delta_bic"] for rival in rivals][-1] == 2.0
 
 

@@ -8,6 +8,7 @@ import pytest
 
 from torch_activegp.diagnosis.engine import NOMINAL, Candidate, Engine, substeps_for
 from torch_activegp.diagnosis.machine import make_machine
+from torch_activegp.diagnosis.segments import cut
 from torch_activegp.errors import ConfigurationError
 
 
@@ -270,3 +271,16 @@ def _as_if_late(replace):
 
     known = Backlash.before_step
     return lambda self, step, *args: known(self, replace(step, middle=0.0), *args)
+
+
+def test_a_segment_is_simulated_alike_whatever_is_simulated_beside_it(bench) -> None:
+    """Dry friction is as soft as the time step is long, and runs may be of different rates."""
+    slow = dataclasses.replace(bench.machine.fit[1], time=4.0 * bench.machine.fit[1].time)
+    segments = cut([bench.machine.fit[0], slow], 0.5, 0.0)
+    candidate = Candidate((bench.effect("coulomb_friction"),), (np.array([1.5]),))
+    starts = bench.engine.starts(segments)
+    together = bench.engine.trajectories(segments, starts, candidate)
+    alone = segments.run == 0
+    np.testing.assert_array_equal(
+        bench.engine.trajectories(segments.pick(alone), starts[alone], candidate), together[alone]
+    )

@@ -35,11 +35,22 @@ def test_the_map_over_regions_shows_the_force_gone(bench, damped) -> None:
     assert np.mean(speed["before"]) > 20.0 > 3.0 > np.mean(speed["after"])
 
 
-def test_regions_whose_bins_changed_are_left_out(bench) -> None:
-    (first, *rest) = locate(bench.shooting, bench.nominal)
-    fewer = dataclasses.replace(first, force=first.force[1:])
-    entries = map_region([first, *rest], [fewer, *rest])
-    assert [entry["over"] for entry in entries] == [region.over for region in rest]
+@pytest.mark.parametrize(
+    ("law", "over"),
+    [
+        ("coulomb_friction", "qvel"),
+        ("stribeck_friction", "qvel"),
+        ("linear_spring", "qpos"),
+        ("cogging", "qpos"),
+        ("constant_force", "qpos"),
+        ("joint_stop", "qpos"),
+    ],
+)
+def test_a_law_is_drawn_over_what_it_depends_on(bench, law: str, over: str) -> None:
+    effect = bench.effect(law)
+    fit = dataclasses.replace(bench.nominal, effects=(effect,), values=(effect.seeds[-1],))
+    (drawn,) = laws(bench.engine.channels, locate(bench.shooting, bench.nominal), fit, fit.effects)
+    assert drawn["over"] == f"{over}.hip"
 
 
 def test_the_law_runs_through_the_residual_force(bench, damped) -> None:

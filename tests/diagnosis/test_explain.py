@@ -6,14 +6,18 @@ import dataclasses
 import mujoco
 import numpy as np
 import pytest
+import torch
 
 from tests.diagnosis.conftest import make_bench
+from torch_activegp.diagnosis import diagnose
 from torch_activegp.diagnosis.explain import _Start, _with_noise, explain
 from torch_activegp.diagnosis.first_names import besides
 from torch_activegp.diagnosis.lengths import Lengths
 from torch_activegp.diagnosis.noise_model import NoiseModel
 from torch_activegp.diagnosis.numerics import Numerics
 from torch_activegp.diagnosis.selection import select
+from torch_activegp.errors import SimulationError
+from torch_activegp.simulators import FunctionSimulator
 
 NAMES = ("viscous_friction", "coulomb_friction", "constant_force", "actuator_delay")
 
@@ -242,3 +246,15 @@ def test_noise_that_was_found_louder_is_the_floor_from_then_on(bench, monkeypatc
     explain(bench.machine, some(bench), 1)
     assert len(floors) == 2
     np.testing.assert_allclose(floors[1].scale, 1.5 * floors[0].scale)
+
+
+def test_a_simulator_that_fails_where_the_machine_was_says_in_which_run(black) -> None:
+    inner = black.simulator()
+
+    def step(x: torch.Tensor, u: torch.Tensor) -> torch.Tensor:
+        after = inner.step(x, u)
+        return torch.where((after[..., :1] > 0.2).expand_as(after), torch.nan, after)
+
+    broken = FunctionSimulator(step, inner.state_space, inner.action_space, inner.dt)
+    with pytest.raises(SimulationError, match=r"the simulator fails in run\d after .* s \(its state is no number"):
+        diagnose(broken, [black.record("none", seed) for seed in (0, 1)], [black.record("none", 9)], nthread=1)

@@ -5,6 +5,7 @@ import dataclasses
 import numpy as np
 
 from torch_activegp.diagnosis.fit import difference_steps, inside, resting
+from torch_activegp.diagnosis.point import FAILED
 
 
 def test_a_fit_says_what_to_simulate(bench) -> None:
@@ -63,3 +64,11 @@ def test_derivatives_are_lent_to_the_same_parameters_elsewhere(bench) -> None:
     assert bench.nominal.columns_of((drag,), (np.ones(1),)) == {}
     np.testing.assert_array_equal(fit.pick(np.array([1, 4])).columns, columns[[1, 4]])
     assert dataclasses.replace(fit, columns=None).columns_of((wet,), (np.array([0.1]),)) == {}
+
+
+def test_a_part_of_a_fit_whose_simulation_failed_has_failed_or_not(bench) -> None:
+    per_segment = bench.nominal.per_segment.copy()
+    per_segment[1] = FAILED
+    failed = dataclasses.replace(bench.nominal, per_segment=per_segment, chi2=np.inf)
+    assert failed.pick(np.array([0, 1])).chi2 == np.inf
+    assert failed.pick(np.array([0, 2])).chi2 == per_segment[[0, 2]].sum()

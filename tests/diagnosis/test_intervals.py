@@ -49,24 +49,24 @@ def test_scores_that_vary_more_than_the_noise_widen_the_interval(bench) -> None:
 def test_what_the_scores_do_not_tell_from_nothing_is_not_certain(bench) -> None:
     fit = bench.fit("viscous_friction", 0.05)
     (friction,) = fit.effects
-    assert is_certain(bench.shooting, fit, friction)
+    assert is_certain(bench.shooting, fit, [friction])
     much = dataclasses.replace(fit, scores=100.0 * fit.scores)
     error = np.sqrt(covariance(bench.shooting, much)[0, 0])
     wide = stats.t.ppf(0.975, bench.segments.size - 1)
     for times, certain in ((0.95 * wide, False), (1.05 * wide, True), (3.8, True), (4.0, True)):
         wild = dataclasses.replace(much, scores=much.scores * fit.values[0][0] / (times * error))
-        assert is_certain(bench.shooting, wild, friction) is certain
-        assert is_certain(bench.shooting, wild, friction, alone=True) is bool(times > 3.9)
+        assert is_certain(bench.shooting, wild, [friction]) is certain
+        assert is_certain(bench.shooting, wild, [friction], alone=True) is bool(times > 3.9)
         (estimate,) = estimates(bench.shooting, wild, friction).values()
         assert (estimate.ci95[0] > 0.0) is certain
-    assert not is_certain(bench.shooting, dataclasses.replace(fit, values=(np.zeros(1),)), friction)
-    assert is_certain(bench.shooting, dataclasses.replace(wild, information=np.zeros((1, 1))), friction)
+    assert not is_certain(bench.shooting, dataclasses.replace(fit, values=(np.zeros(1),)), [friction])
+    assert is_certain(bench.shooting, dataclasses.replace(wild, information=np.zeros((1, 1))), [friction])
     for name, values in (("joint_stop", (1.0, 0.0, 0.5)), ("actuator_delay", (1e-9,))):
         law = next(effect for effect in bench.effects if effect.name == name)
         size = len(law.parameters)
         wild = dataclasses.replace(fit, effects=(law,), values=(np.array(values),), information=np.eye(size))
         wild = dataclasses.replace(wild, scores=np.full((len(fit.scores), size), 1e3))
-        assert is_certain(bench.shooting, wild, law)  # how much says little of whether
+        assert is_certain(bench.shooting, wild, [law])  # how much says little of whether
 
 
 def test_what_nothing_depends_on_has_a_finite_interval_that_says_nothing(bench) -> None:

@@ -105,3 +105,13 @@ def test_it_is_not_in_a_thick_medium_or_behind_a_limited_servo(clean) -> None:
     assert not is_of_second_order(damped(clean, drive=SERVO.replace("kp", 'forcerange="-1 1" kp')))
     medium = clean.xml.replace("<option ", '<option density="1000" ')
     assert not is_of_second_order(mujoco.MjModel.from_xml_string(medium))
+
+
+def test_the_damping_of_a_servo_counts_behind_an_actuator_without_input_and_one_elsewhere(clean) -> None:
+    loss = '<dcmotor name="loss" joint="hip" motorconst="0 0" resistance="1" input="none"/>'
+    text = clean.xml.replace(MOTOR, loss + SERVO)
+    np.testing.assert_allclose(servo_damping(mujoco.MjModel.from_xml_string(text)), [0.8])
+    cables = "".join(f'<fixed name="cable{i}"><joint joint="hip" coef="1"/></fixed>' for i in range(3))
+    text = clean.xml.replace(MOTOR, '<position tendon="cable2" kp="3" kv="0.2"/>' + SERVO)
+    text = text.replace("<actuator>", f"<tendon>{cables}</tendon><actuator>")
+    np.testing.assert_allclose(servo_damping(mujoco.MjModel.from_xml_string(text)), [0.8])

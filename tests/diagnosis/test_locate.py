@@ -6,7 +6,8 @@ import mujoco
 import numpy as np
 import pytest
 
-from torch_activegp.diagnosis.locate import Region, actuated_joint, entries, locate, somewhere
+from torch_activegp.diagnosis.engine import Engine
+from torch_activegp.diagnosis.locate import Region, entries, locate, somewhere
 from torch_activegp.physics.effect import Acting
 
 
@@ -131,7 +132,22 @@ def test_a_bump_in_the_truth_is_located(diagnosed) -> None:
     assert 0.1 < low < 0.4 < high < 0.8
 
 
-def test_the_joint_of_an_actuator(bench) -> None:
-    assert actuated_joint(bench.engine.model, 0) == "hip"
-    body = bench.xml.replace('<motor name="drive" joint="hip"/>', '<adhesion body="rod" ctrlrange="0 1"/>')
-    assert actuated_joint(mujoco.MjModel.from_xml_string(body), 0) is None
+def test_another_fit_may_be_seen_in_the_same_bins(bench) -> None:
+    before = locate(bench.shooting, bench.nominal)
+    starts = bench.nominal.starts.copy()
+    starts[:, 1] *= 1.1
+    other = dataclasses.replace(bench.nominal, starts=starts)
+    own, same = (locate(bench.shooting, other, *bins) for bins in ((), (before,)))
+    assert any(not np.array_equal(a.edges, b.edges) for a, b in zip(own, before, strict=True))
+    for a, b in zip(same, before, strict=True):
+        np.testing.assert_array_equal(a.edges, b.edges)
+
+
+@pytest.mark.parametrize("first", [True, False])
+def test_an_actuator_without_input_is_no_variable(bench, first: bool) -> None:
+    loss = '<dcmotor name="loss" joint="hip" motorconst="0 0" resistance="1" input="none"/>'
+    drive = '<motor name="drive" joint="hip"/>'
+    model = mujoco.MjModel.from_xml_string(bench.xml.replace(drive, loss + drive if first else drive + loss))
+    engine = Engine(model, bench.engine.channels, bench.engine.substeps, 1)
+    found = locate(dataclasses.replace(bench.shooting, engine=engine), bench.nominal)
+    assert {region.over for region in found} == {"qpos.hip", "qvel.hip", "ctrl.drive"}

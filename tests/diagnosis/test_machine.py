@@ -4,7 +4,7 @@ import mujoco
 import numpy as np
 import pytest
 
-from torch_activegp.diagnosis.machine import make_machine
+from torch_activegp.diagnosis.machine import check_given, make_machine
 from torch_activegp.errors import DataError
 
 
@@ -91,3 +91,8 @@ def test_what_prescribed_means_is_noted_and_it_may_rest(double) -> None:
     assert head is not None and tail is not None
     assert (len(head), len(tail)) == (len(machine.fit[1]), len(machine.holdout[0]))
     np.testing.assert_allclose(tail.smooth, 0.2)
+
+
+def test_one_recording_may_come_without_a_list(record) -> None:
+    one = record()
+    assert check_given(one, "diagnose") == [one] == check_given((one,), "diagnose")

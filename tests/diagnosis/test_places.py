@@ -2,6 +2,7 @@ from __future__ import annotations
 
 import dataclasses
 
+import mujoco
 import numpy as np
 import pytest
 import torch
@@ -56,3 +57,12 @@ def test_nothing_is_tried_that_acts_on_a_prescribed_joint_alone(double) -> None:
     assert found["shoulder",] == found[()] - lost
     assert lost < found[()]
     assert "body:lower" in found["shoulder",]
+
+
+@pytest.mark.parametrize("first", [True, False])
+def test_an_actuator_without_input_has_no_effects_on_a_control(bench, first: bool) -> None:
+    loss = '<dcmotor name="loss" joint="hip" motorconst="0 0" resistance="1" input="none"/>'
+    drive = '<motor name="drive" joint="hip"/>'
+    text = bench.xml.replace(drive, loss + drive if first else drive + loss)
+    found = effects_for(mujoco.MjModel.from_xml_string(text), bench.engine.channels, bench.machine.fit)
+    assert {e.target for e in found if e.target.startswith("actuator:")} == {"actuator:drive"}

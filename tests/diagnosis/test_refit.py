@@ -5,6 +5,7 @@ import dataclasses
 import numpy as np
 import pytest
 
+from torch_activegp.diagnosis.point import FAILED
 from torch_activegp.diagnosis.refit import refit
 
 
@@ -123,3 +124,12 @@ def test_after_a_step_that_fails_the_next_ones_are_whole_again(bench, without_on
     found = refit(bench.shooting, far, without_one)
     error = 1.0 / np.sqrt(fit.information[0, 0])
     np.testing.assert_allclose(found.values, wanted.values, atol=0.1 * error)
+
+
+def test_a_nominal_that_fails_somewhere_has_an_infinite_chi2_there(bench) -> None:
+    per_segment = bench.nominal.per_segment.copy()
+    per_segment[1] = FAILED
+    failed = dataclasses.replace(bench.nominal, per_segment=per_segment)
+    found = refit(bench.shooting, failed, np.ones((2, bench.segments.size), dtype=bool)).per_segment
+    assert np.isinf(found[:, 1]).all()
+    np.testing.assert_array_equal(np.delete(found, 1, axis=1), np.tile(np.delete(per_segment, 1), (2, 1)))

@@ -9,6 +9,8 @@ from torch_activegp.diagnosis import sensitivities
 from torch_activegp.diagnosis.engine import Candidate
 from torch_activegp.diagnosis.linearize import linearize
 from torch_activegp.diagnosis.sensitivities import effect_columns, parameter_columns, remembered, unit_values
+from torch_activegp.physics.effect import Parameter
+from torch_activegp.physics.sensing import SensorEffect
 
 
 @pytest.mark.parametrize(
@@ -31,6 +33,25 @@ def test_columns_are_what_a_simulation_changes_by(clean, name, target, size) -> 
     column = effect_columns(clean.shooting, clean.nominal, wanted, linear, remembered(wanted, clean.shooting))
     simulated = clean.predict(Candidate((effect,), (values,))) - clean.predict(clean.nominal.candidate)
     assert np.abs(column[..., 0] - simulated).max() < 0.06 * np.abs(simulated).max()
+
+
+class SensorCurve(SensorEffect):
+    """q + b q^2: a user's own."""
+
+    name = "sensor_curve"
+
+    def measure(self, read, values):
+        position = read(self.channel, np.zeros(len(values)))
+        return self.channel, position + values[:, :1] * position**2
+
+
+@pytest.mark.parametrize("size", [1e-3, 0.1])
+def test_a_sensor_of_a_users_own_is_tested_like_the_others(clean, size: float) -> None:
+    effect = SensorCurve("sensor:hip", (Parameter("curve", "1/rad", 0.1),), np.array([[0.1]]))
+    wanted = [(effect, np.array([size]))]
+    linear = linearize(clean.shooting, clean.nominal)
+    column = effect_columns(clean.shooting, clean.nominal, wanted, linear, remembered(wanted, clean.shooting))
+    np.testing.assert_allclose(column[..., 0], size * clean.predict(clean.nominal.candidate) ** 2, atol=1e-9)
 
 
 def test_changes_of_inertia_want_no_simulation(clean, monkeypatch) -> None:

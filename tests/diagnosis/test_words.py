@@ -5,7 +5,12 @@ import pytest
 from torch_activegp.diagnosis.result import Estimate, NamedEffect
 from torch_activegp.diagnosis.words import sentence
 
-ERROR = {"fit": {"holdout": {"free_run": {"before": 0.1234, "after": 0.01, "noise": 0.009}}}, "location": []}
+LEFT = {"share": 0.05, "white": True, "chi2_per_dof": 1.0}
+ERROR = {
+    "fit": {"holdout": {"free_run": {"before": 0.1234, "after": 0.01, "noise": 0.009}}},
+    "location": [],
+    "unexplained": LEFT,
+}
 
 
 def named(name: str, share: float, ties: tuple[tuple[str, str], ...] = ()) -> NamedEffect:
@@ -65,12 +70,15 @@ def test_ties_of_several_effects_are_told_apart() -> None:
 
 
 def test_an_error_that_grows_is_not_said_to_fall() -> None:
-    worse = {"fit": {"holdout": {"free_run": {"before": 0.1, "after": 0.2, "noise": 0.009}}}, "location": []}
+    worse = {"fit": {"holdout": {"free_run": {"before": 0.1, "after": 0.2, "noise": 0.009}}}, "unexplained": LEFT}
     assert "rises from 0.1 to 0.2" in sentence("named", [named("a", 0.9)], worse)
 
 
 def test_an_error_that_hardly_changes_stays() -> None:
-    same = {"fit": {"holdout": {"free_run": {"before": 0.02251, "after": 0.02253, "noise": 0.009}}}, "location": []}
+    same = {
+        "fit": {"holdout": {"free_run": {"before": 0.02251, "after": 0.02253, "noise": 0.009}}},
+        "unexplained": LEFT,
+    }
     assert "held-out runs stays at 0.0225 (noise" in sentence("named", [named("a", 0.9)], same)
 
 
@@ -78,7 +86,7 @@ def test_an_error_that_hardly_changes_stays() -> None:
     ("chi2", "white", "warned"), [(146.0, False, True), (12.3, False, True), (12.3, True, False), (1.1, False, False)]
 )
 def test_names_that_leave_much_more_than_noise_are_not_all(chi2, white, warned) -> None:
-    details = {**ERROR, "rivals": [{"chi2_per_dof": chi2}], "unexplained": {"share": 0.05, "white": white}}
+    details = {**ERROR, "unexplained": {"share": 0.05, "white": white, "chi2_per_dof": chi2}}
     text = sentence("named", [named("a", 0.95)], details)
     assert text.endswith("(chi2 per dof).") == warned
     assert (f"; that is not all, for what is left is still {chi2:.2g} times the noise" in text) == warned

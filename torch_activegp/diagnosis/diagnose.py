@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -23,7 +22,7 @@ from torch_activegp.diagnosis.intervals import estimates
 from torch_activegp.diagnosis.judge import Judgement
 from torch_activegp.diagnosis.linearize import linearize
 from torch_activegp.diagnosis.locate import entries, locate, somewhere
-from torch_activegp.diagnosis.machine import Machine, make_machine
+from torch_activegp.diagnosis.machine import Machine, check_given, make_machine
 from torch_activegp.diagnosis.notes import search_notes
 from torch_activegp.diagnosis.places import effects_for
 from torch_activegp.diagnosis.proposal import propose
@@ -33,7 +32,6 @@ from torch_activegp.diagnosis.runs import Array, input_addresses, median_step
 from torch_activegp.diagnosis.source import Source, read_source
 from torch_activegp.diagnosis.verdict import Verdict, decide
 from torch_activegp.diagnosis.words import sentence
-from torch_activegp.errors import ConfigurationError
 from torch_activegp.physics.effect import Effect
 
 _SHOWN = 8
@@ -79,11 +77,7 @@ def diagnose(
     """
     say = tell or (lambda words, done: None)
     say("reading", 0.0)
-    for given in (recordings, holdout):
-        if isinstance(given, str | Path):
-            raise ConfigurationError(
-                f"diagnose: recordings wanted, found a path. Read them: load_recordings({str(given)!r})."
-            )
+    recordings, holdout = check_given(recordings, "diagnose"), check_given(holdout or (), "diagnose")
     source = read_source(model)
     machine = make_machine(source.model, recordings, holdout, source.box)
     tried = effects_for(machine.model, machine.channels, machine.fit, effects)
@@ -91,12 +85,12 @@ def diagnose(
         tried = accelerations(tried)
     if checkpoint is not None:
         checkpoint.open(fingerprint(source, machine, tried, seed))
-    explanation = explain(machine, tried, nthread, lambda words: say(words, None), checkpoint)
-    say("weighing the evidence", 0.7)
-    verdict = decide(explanation.shooting, explanation.selection)
-    diagnosis = _report(source, machine, explanation, verdict, seed, say)
-    linearize.cache_clear()  # holds likelihood and recordings
-    return diagnosis
+    try:
+        explanation = explain(machine, tried, nthread, lambda words: say(words, None), checkpoint)
+        say("weighing the evidence", 0.7)
+        return _report(source, machine, explanation, decide(explanation.shooting, explanation.selection), seed, say)
+    finally:
+        linearize.cache_clear()  # holds likelihood and recordings
 
 
 def _report(
@@ -144,7 +138,11 @@ def _report(
             },
         },
         "location": entries(regions, mismatch, places),
-        "unexplained": {"share": judgement.unexplained, "white": judgement.white},
+        "unexplained": {
+            "share": judgement.unexplained,
+            "white": judgement.white,
+            "chi2_per_dof": chosen.chi2 / max(shooting.dof - chosen.size, 1),
+        },
         "fit": {"holdout": holdout},
         "next_experiment": None if proposal is None else proposal[0],
         "model": {"name": source.name, "source": source.path},
@@ -155,7 +153,7 @@ def _report(
         "mjcf_diff": difference if chosen.effects else None,
         "remainder": None if outcome is None else outcome.details,
     }
-    left = locate(shooting, chosen) if regions and chosen.effects else regions
+    left = locate(shooting, chosen, regions) if regions and chosen.effects else regions
     evidence = {
         "map_time": map_time(shooting, nominal, chosen),
         "map_region": map_region(regions, left),
@@ -237,7 +235,7 @@ def _retuned(explanation: Explanation, judgement: Judgement) -> list[dict[str, A
 def _rivals(explanation: Explanation, judgement: Judgement) -> list[dict[str, Any]]:
     dof = explanation.shooting.dof
     within = explanation.selection.within  # a set that was given up in a race fits worse than a part of itself
-    ended = [rival for rival in judgement.rivals if within(rival[0]) is None]
+    ended = [rival for rival in judgement.rivals if rival[0] is judgement.fit or within(rival[0]) is None]
     shown = [rival for i, rival in enumerate(ended) if i < _SHOWN or not rival[0].effects]
     return [
         {

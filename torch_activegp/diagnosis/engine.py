@@ -168,7 +168,7 @@ class Engine:
         halting = any(effect.needs_steps for candidate in candidates for effect in candidate.effects)
         fields = self._fields_for(rows, few=rows <= _FEW and (halting or self.channels.prescribed is not None))
         batch = fields.batch
-        fields("opt.timestep")[:rows] = np.median(segments.dt) / self.substeps
+        fields("opt.timestep")[:rows] = np.tile(np.median(segments.dt, axis=1) / self.substeps, count)
         controls = Controls(segments, candidates, self.substeps, model.nu, self.filters if self._exact else ())
         acting, steady = self._acting(segments, candidates, fields, controls)
         inputs = Inputs(segments, candidates, controls, self.substeps, self.stride, self.late, steady)

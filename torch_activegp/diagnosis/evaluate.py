@@ -13,7 +13,7 @@ from torch_activegp.diagnosis.blackbox_engine import BlackBoxEngine
 from torch_activegp.diagnosis.engine import NOMINAL, Engine, substeps_for
 from torch_activegp.diagnosis.forecast import compare
 from torch_activegp.diagnosis.forms import begin_drives
-from torch_activegp.diagnosis.machine import recording_notes
+from torch_activegp.diagnosis.machine import check_given, recording_notes
 from torch_activegp.diagnosis.noise_floor import noise_floor
 from torch_activegp.diagnosis.runs import Channels, make_run
 from torch_activegp.diagnosis.source import read_source
@@ -40,6 +40,7 @@ def evaluate(model: object, recordings: Sequence[Recording], nthread: int = 0) -
         DataError: no recordings, or one that does not fit the model or seems to be in another unit.
         ConfigurationError: a model that does not compile or cannot be simulated in batches.
     """
+    recordings = check_given(recordings, "evaluate")
     if not recordings:
         raise DataError("evaluate: no recordings found, at least one wanted.")
     source = read_source(model)

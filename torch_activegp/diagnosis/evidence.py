@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -14,7 +14,6 @@ from torch_activegp.diagnosis.shooting import Shooting
 from torch_activegp.physics.effect import Effect
 from torch_activegp.physics.joint import JointEffect
 
-_POSITION_LAWS = frozenset({"linear_spring", "cubic_spring", "constant_force", "cogging", "joint_stop"})
 _INSIDE = 21
 """Places in each bin over which a law is averaged."""
 
@@ -44,8 +43,6 @@ def map_region(before: Sequence[Region], after: Sequence[Region]) -> list[dict[s
     out = []
     for region in before:
         other = later[region.joint, region.over]
-        if len(other.force) != len(region.force):
-            continue
         scale = np.maximum(region.spread, 1e-300)
         out.append(
             {
@@ -81,15 +78,12 @@ def laws(channels: Channels, left: Sequence[Region], fit: Fit, named: Sequence[E
         if not isinstance(effect, JointEffect) or effect.name in ("armature_error", "hysteresis"):
             continue
         joint = effect.target.partition(":")[2]
-        by_position = effect.name in _POSITION_LAWS
+        by_position = _is_of_position(effect, values[effect], regions, joint)
         over = f"{'qpos' if by_position else 'qvel'}.{joint}"
-        region = regions.get((joint, over))
-        if region is None:
-            continue
+        region = regions[joint, over]
 
         def law(x: Array, effect: JointEffect = effect, by_position: bool = by_position) -> Array:
-            motion = (x, np.zeros_like(x)) if by_position else (np.zeros_like(x), x)
-            return np.asarray(effect.force(*motion, values[effect]))
+            return _law(effect, values[effect], x, by_position)
 
         low, high = region.edges[:-1], region.edges[1:]
         inside = low[:, None] + (high - low)[:, None] * (np.arange(_INSIDE) + 0.5) / _INSIDE
@@ -111,3 +105,18 @@ def laws(channels: Channels, left: Sequence[Region], fit: Fit, named: Sequence[E
             }
         )
     return out
+
+
+def _law(effect: JointEffect, values: Array, x: Array, by_position: bool) -> Array:
+    """The force over positions at rest, or over velocities at zero."""
+    motion = (x, np.zeros_like(x)) if by_position else (np.zeros_like(x), x)
+    return np.asarray(effect.force(*motion, values))
+
+
+def _is_of_position(effect: JointEffect, values: Array, regions: Mapping[tuple[str, str], Region], joint: str) -> bool:
+    """Whether a law changes more over the recorded positions than over the velocities."""
+    spans = [
+        float(np.ptp(_law(effect, values, np.linspace(*regions[joint, f"{kind}.{joint}"].reach, 201), kind == "qpos")))
+        for kind in ("qpos", "qvel")
+    ]
+    return spans[0] >= spans[1]

@@ -21,9 +21,11 @@ from torch_activegp.diagnosis.noise_model import NoiseModel
 from torch_activegp.diagnosis.numerics import CREEPS, Numerics, Sets
 from torch_activegp.diagnosis.polish import polish
 from torch_activegp.diagnosis.prospects import hopeless
+from torch_activegp.diagnosis.segments import Segments
 from torch_activegp.diagnosis.selection import select
 from torch_activegp.diagnosis.shooting import Shooting
 from torch_activegp.diagnosis.weak import also_weak
+from torch_activegp.errors import SimulationError
 from torch_activegp.physics.effect import Effect
 
 _FAR = 60.0
@@ -149,6 +151,7 @@ def _start(
     sets, free = (hint.sets, hint.free) if hint is not None else ([], frozenset())
     naming = Naming(*numerics.choose(segments, noise, first, first, sets), sets, free)
     engine, shooting, nominal, judged = naming.engine, naming.shooting, naming.nominal, naming.judged
+    _refuse_failed(shooting.segments, nominal, judged)
     if naming.wants_a_part and not (hint is not None and judged.chi2 < _LED * shooting.dof):
         tell("naming on a part of the data")
         naming = on_a_part(naming, numerics, noise, effects, tell)
@@ -180,7 +183,7 @@ def _with_noise(
     """
     tell("naming with the noise seen behind the effects")
     segments, nominal = start.shooting.segments, start.nominal
-    loud = start.shooting.noise.innovation.min() / noise.innovation.min()
+    loud = float((start.shooting.noise.innovation / noise.innovation).max())
     far = bool(segments.far_off(nominal.per_segment * loud**2, _TOO_FAR).any())
     if not far and sets and is_of(start.first, sets[0][0]) and _alike(noise, start.noise):
         shooting = dataclasses.replace(start.shooting, noise=noise)
@@ -218,6 +221,18 @@ def _finish(
     polish(shooting, selection, effects)
     fine, firm = engine is not numerics.given, numerics.sticks(engine)
     return Explanation(engine, shooting, selection, tuple(effects), fine, firm)
+
+
+def _refuse_failed(segments: Segments, nominal: Fit, judged: Fit) -> None:
+    """Raises a `SimulationError` where nothing can be compared: the simulation fails without effects, and with some."""
+    if np.isfinite(nominal.chi2) or np.isfinite(judged.chi2):
+        return
+    worst = int(np.argmax(nominal.per_segment))
+    run, first = segments.runs[segments.run[worst]], segments.first[worst]
+    raise SimulationError(
+        f"diagnose: the simulator fails in {run.label} after {run.time[first]:.3g} s (its state is no number, or a "
+        "warning was raised). Its forecasts begin at the recorded positions there: check that it can simulate them."
+    )
 
 
 def _alike(one: NoiseModel, other: NoiseModel) -> bool:

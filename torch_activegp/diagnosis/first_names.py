@@ -58,8 +58,9 @@ class Naming:
     @property
     def wants_a_part(self) -> bool:
         """Whether a part of the data is enough for the first names."""
-        left = min(fit.chi2 for fit in (self.nominal, self.judged) if np.isfinite(fit.chi2))
-        return left - self.shooting.dof > 2 * _ENOUGH and self.shooting.segments.size > FEWEST
+        left = min(self.nominal.chi2, self.judged.chi2)
+        much = 2 * _ENOUGH < left - self.shooting.dof < np.inf
+        return bool(much) and self.shooting.segments.size > FEWEST
 
 
 def in_brief_pieces(

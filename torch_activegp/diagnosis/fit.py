@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from torch_activegp.diagnosis.engine import Candidate
+from torch_activegp.diagnosis.point import total
 from torch_activegp.diagnosis.runs import Array
 from torch_activegp.physics.effect import Effect
 
@@ -107,7 +108,7 @@ class Fit:
         return dataclasses.replace(
             self,
             starts=self.starts[which],
-            chi2=float(per_segment.sum()),
+            chi2=total(per_segment),
             per_segment=per_segment,
             scores=self.scores[which],
             design=None if self.design is None else self.design[which],

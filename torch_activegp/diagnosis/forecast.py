@@ -254,6 +254,7 @@ def _trace(
     trace["time"] = run.time[::thin].round(6).tolist()
     trace["measured"] = run.position[::thin, channel].round(7).tolist()
     for kind, (positions, state) in frees.items():
-        trace[kind] = np.nan_to_num(positions[::thin, channel], nan=0.0).round(7).tolist()
+        drawn = positions[::thin, channel].round(7).tolist()
+        trace[kind] = [value if np.isfinite(value) else None for value in drawn]
         trace[f"start_{kind}"] = state.tolist()
     return trace

@@ -134,7 +134,7 @@ class Problem:
                 self._trial_starts = np.where(far[:, None], self._smooth, self._trial_starts)
                 self._smoothed = bool(far.any())
         self._settle(last)
-        if self.finished and self.lent and not last and self.chi2 > _FAR * self._raw.size:
+        if self.finished and self.lent and not last and self.chi2 > _FAR * self.shooting.segments.samples.sum():
             self._anew()
 
     def _settle(self, last: bool) -> None:

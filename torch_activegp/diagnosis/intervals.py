@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 from scipy import stats
 
@@ -14,8 +16,8 @@ from torch_activegp.physics.effect import Effect
 
 _LEVEL = 0.975
 _ALONE = 0.9999
-"""The confidence with which the only name must not be nothing, for some hundred are tried: it takes 4 standard errors.
-Of 158 only names one was of nothing, on a valve that sticks, at 2.8; the least certain true one was at 6.8."""
+"""Of a normal distribution: the only name must be 4 standard errors from nothing, for some hundred are tried. Of 158
+only names one was of nothing, on a valve that sticks, at 2.8; the least certain true one was at 6.8."""
 _RECORDINGS = 4
 """Fewer recordings say little of their spread. Where they differ and nothing else counts, 95 % intervals cover 86 %
 with four of them and 92 % with twelve."""
@@ -58,8 +60,8 @@ def covariance(shooting: Shooting, fit: Fit, recordings: bool = True) -> Array:
     return plain * np.outer(ratio, ratio)
 
 
-def is_certain(shooting: Shooting, fit: Fit, effect: Effect, alone: bool = False) -> bool:
-    """Whether the amplitudes of an effect are not zero, with the confidence of its intervals (an F test).
+def is_certain(shooting: Shooting, fit: Fit, effects: Sequence[Effect], alone: bool = False) -> bool:
+    """Whether the amplitudes of some effects are not all zero, with the confidence of their intervals (an F test).
 
     Where noise is not what the likelihood says, chi2 may gain by chance what only this shows: on a machine that
     strikes, a damping gained 70, at 1.9 standard errors. It is asked of laws with amplitudes alone: the stiffness of a
@@ -68,14 +70,17 @@ def is_certain(shooting: Shooting, fit: Fit, effect: Effect, alone: bool = False
     Args:
         shooting: the likelihood.
         fit: the set.
-        effect: of the set.
-        alone: with more confidence, for it is the only name.
+        effects: of the set.
+        alone: at least as sure as by 4 standard errors of the one effect, for no other name is sure.
     """
-    amplitudes = fit.by_effect[effect]
-    where = _columns(fit, effect)
-    if effect.linear < amplitudes.size or not fit.information[where, where].any():
+    amplitudes = np.concatenate([fit.by_effect[effect] for effect in effects])
+    if sum(effect.linear for effect in effects) < amplitudes.size or not fit.information.size:
         return True
-    far = wald(amplitudes, covariance(shooting, fit)[where, where]) / amplitudes.size
+    where = np.concatenate([np.arange(fit.size)[_columns(fit, effect)] for effect in effects])
+    block = np.ix_(where, where)
+    if not fit.information[block].any():
+        return True
+    far = wald(amplitudes, covariance(shooting, fit)[block]) / amplitudes.size
     bar = stats.f.ppf(2 * _LEVEL - 1, amplitudes.size, _free(shooting, fit))
     return bool(far > max(bar, stats.chi2.ppf(_ALONE, amplitudes.size) / amplitudes.size if alone else 0.0))
 

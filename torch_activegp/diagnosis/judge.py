@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import math
 from collections.abc import Sequence
 
 import numpy as np
@@ -109,7 +110,8 @@ class Judgement:
             may be nothing at all.
         unexplained: part of the mismatch that is left.
         white: whether what is left is noise.
-        p_value: of the mismatch.
+        p_value: that there is no mismatch: the smaller one of two tests, of a force free in time and of the best set
+            among all of as many names, times two (Bonferroni).
         rivals: compared sets, their scores less the best one's, and their probabilities.
     """
 
@@ -149,15 +151,16 @@ def judge(shooting: Shooting, selection: Selection) -> Judgement:
     least = min(LEAST_SHARE, worth)
     kept = [i for i, share in enumerate(shares) if share >= least] or [0]
     count, plain = len(kept), not tuned and len(kept) == len(order)
-    certain = [i for i in kept if is_certain(shooting, best, order[i], alone=count == 1)]
-    if count == 1 and not certain:  # other initial states gained what it seemed to
-        return _nameless(shooting, nominal, before, rivals)
+    certain = [i for i in kept if is_certain(shooting, best, [order[i]])]
+    if len(certain) < 2 and not is_certain(shooting, best, [order[i] for i in kept], alone=True):
+        return _nameless(shooting, nominal, before, rivals)  # other initial states gained what it seemed to
     kept = certain or kept[:1]
     retuned = (*tuned, *(effect for i, effect in enumerate(order) if i not in kept))
     order, shares = tuple(order[i] for i in kept), tuple(shares[i] for i in kept)
     probabilities = tuple(_probability(rivals, effect) for effect in order)
     ties = tuple(ties_of(rivals, best, effect, retuned, tuned) for effect in order)
-    p_value = min(before.p_value, float(stats.chi2.sf(gain / score.scale, best.size)) * score.names)
+    sets = math.comb(max(score.names, len(best.effects)), len(best.effects))
+    p_value = 2.0 * min(before.p_value, float(stats.chi2.sf(gain / score.scale, best.size)) * sets)
     crowded = count >= MAX_EFFECTS and unexplained > (CROWDED if count == MAX_EFFECTS else OVERCROWDED)
     crowded = crowded and after.excess > SOME_NOISE * shooting.dof
     seen = SEEN if count < MANY else SEEN_BEHIND_MANY
@@ -166,14 +169,13 @@ def judge(shooting: Shooting, selection: Selection) -> Judgement:
         most = min(most, SEEN_LOUD)
     if selection.cut_short:
         most = min(most, SEEN_IN_VAIN)
+    verdict = "tie" if any(ties) else "named"
     if after.p_value < DOUBT and (unexplained > most or crowded):
-        sure = (crowded and unexplained <= INADEQUATE) or _visible(shooting, before)
-        verdict = "unknown" if sure else "none"
         clear = plain and score(nominal) - score(best) > BEHIND_COLOUR  # what is fitted along follows colours too
-        if not sure and clear and _may_be_coloured(shooting):
-            verdict = "tie" if any(ties) else "named"
-    else:
-        verdict = "tie" if any(ties) else "named"
+        if (crowded and unexplained <= INADEQUATE) or _visible(shooting, before):
+            verdict = "unknown"
+        elif not (clear and _may_be_coloured(shooting)):
+            return _nameless(shooting, nominal, before, rivals)
     return Judgement(
         verdict, best, order, shares, probabilities, ties, retuned, unexplained, white, min(p_value, 1.0), rivals
     )

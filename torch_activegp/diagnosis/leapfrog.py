@@ -48,10 +48,9 @@ def servo_damping(model: mujoco.MjModel) -> Array:
     MuJoCo takes none of those implicitly whose force is at its limit; drives with a limit are left out.
     """
     out = np.zeros(model.nv)
-    for drive in range(model.nu):
+    for drive in np.flatnonzero((model.actuator_trntype == _JOINT) & (model.actuator_biastype == _AFFINE)):
         joint = model.actuator_trnid[drive, 0]
-        limited = model.actuator_forcelimited[drive] or model.jnt_actfrclimited[joint]
-        if model.actuator_trntype[drive] == _JOINT and model.actuator_biastype[drive] == _AFFINE and not limited:
+        if not (model.actuator_forcelimited[drive] or model.jnt_actfrclimited[joint]):
             out[model.jnt_dofadr[joint]] -= model.actuator_biasprm[drive, 2] * model.actuator_gear[drive, 0] ** 2
     return np.maximum(out, 0.0)
 

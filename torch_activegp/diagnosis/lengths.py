@@ -73,7 +73,7 @@ def longest(machine: Machine, forms: Forms, noise: NoiseModel, too_far: float, k
         best, form = known.uncut, known.form
     whole = best
     while True:
-        bad = _stands_out(best, segments, too_far) | (_growth(best, segments, noise) > _GROWTH)
+        bad = _stands_out(best, segments, too_far) | (_growth(best, segments, noise, machine.model.nq) > _GROWTH)
         long = segments.dt[:, 0] * np.diff(segments.scored, axis=1)[:, 0] > 1.5 * _SHORTEST
         shorter = halve(segments, bad & long)
         if shorter.size == segments.size:
@@ -112,9 +112,9 @@ def _nominal(shooting: Shooting) -> Fit:
     return chained(shooting, fit)
 
 
-def _growth(fit: Fit, segments: Segments, noise: NoiseModel) -> Array:
-    """How much an error of an initial position grows within each segment, ``(S,)``."""
+def _growth(fit: Fit, segments: Segments, noise: NoiseModel, nq: int) -> Array:
+    """How much an error of one of nq initial positions grows within each segment, ``(S,)``."""
     assert fit.design is not None
     size, channels = segments.size, len(noise.scale)
-    moved = fit.design.reshape(size, -1, channels, fit.design.shape[-1])[..., : fit.starts.shape[1] // 2]
+    moved = fit.design.reshape(size, -1, channels, fit.design.shape[-1])[..., :nq]
     return np.asarray(np.abs(moved * noise.innovation[:, None]).max(axis=(1, 2, 3)))

@@ -7,14 +7,13 @@ from collections.abc import Mapping, Sequence
 from types import MappingProxyType
 from typing import Any
 
-import mujoco
 import numpy as np
 from scipy import stats
 
 from torch_activegp.diagnosis.elimination import invert
 from torch_activegp.diagnosis.fit import Fit
 from torch_activegp.diagnosis.linearize import Linearization, linearize
-from torch_activegp.diagnosis.runs import Array
+from torch_activegp.diagnosis.runs import Array, input_addresses
 from torch_activegp.diagnosis.screening import _gain, _project
 from torch_activegp.diagnosis.shooting import Shooting
 from torch_activegp.physics.effect import Acting, Effect
@@ -81,8 +80,13 @@ class Region:
         return float(self.bounds[a]), float(self.bounds[b])
 
 
-def locate(shooting: Shooting, fit: Fit) -> list[Region]:
+def locate(shooting: Shooting, fit: Fit, bins: Sequence[Region] = ()) -> list[Region]:
     """Residual forces in bins of every variable on every recorded joint, on top of a fit.
+
+    Args:
+        shooting: the likelihood.
+        fit: the set.
+        bins: regions of another fit, whose edges these have too; else every bin holds about enough of this one.
 
     Reference: Benjamini, Hochberg, *Controlling the False Discovery Rate*, J. of the Royal Statistical Society B 57
     (1995).
@@ -91,10 +95,10 @@ def locate(shooting: Shooting, fit: Fit) -> list[Region]:
     variables = _variables(shooting, linear)
     residual = shooting.residual_of(fit)
     starts = shooting.whiten_columns(linear.respond_to_start())
-    regions, seen = [], _seen(shooting)
+    regions, seen, known = [], _seen(shooting), {region.over: region.edges for region in bins}
     for channel, joint in enumerate(shooting.engine.channels.joints):
         for over, values in variables.items():
-            edges = _edges(values)
+            edges = known[over] if over in known else _edges(values)
             which = np.clip(np.digitize(values, edges[1:-1]), 0, len(edges) - 2)
             indicators = np.eye(len(edges) - 1)[which]
             columns = shooting.whiten_columns(linear.respond_to_force(channel, indicators))
@@ -199,10 +203,9 @@ def _seen(shooting: Shooting) -> dict[str, tuple[float, float]]:
 def _controls(shooting: Shooting) -> dict[str, Array]:
     """Each control that changes, in every interval, ``(S, K)``."""
     model, control, out = shooting.engine.model, shooting.segments.take("control"), {}
-    for i in range(model.nactuator):
-        first = int(model.actuator_ctrladr[i])
+    for name, first in input_addresses(model).items():
         if np.ptp(control[..., first]) > 0:
-            out[f"ctrl.{model.actuator(i).name or f'actuator{i}'}"] = control[..., first]
+            out[f"ctrl.{name}"] = control[..., first]
     return out
 
 
@@ -217,10 +220,3 @@ def _edges(values: Array) -> Array:
         if inside > 0.005:
             edges.append(float(edge))
     return np.array([*edges, float(high)])
-
-
-def actuated_joint(model: mujoco.MjModel, actuator: int) -> str | None:
-    """The joint that an actuator drives, or None."""
-    if model.actuator_trntype[actuator] != int(mujoco.mjtTrn.mjTRN_JOINT):
-        return None
-    return str(model.joint(int(model.actuator_trnid[actuator, 0])).name)

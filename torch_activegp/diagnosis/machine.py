@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 from collections.abc import Sequence
+from pathlib import Path
 
 import mujoco
 import numpy as np
@@ -13,7 +14,7 @@ from torch_activegp.diagnosis.blackbox import BlackBox, check_clock, check_rates
 from torch_activegp.diagnosis.runs import MIN_ROWS, Channels, Run, input_addresses, make_run
 from torch_activegp.diagnosis.wrong_signs import check_signs
 from torch_activegp.diagnosis.wrong_units import check_units
-from torch_activegp.errors import DataError
+from torch_activegp.errors import ConfigurationError, DataError
 
 _SHARE = 0.2
 _MOVES = 1e-9
@@ -40,6 +41,26 @@ class Machine:
     holdout: tuple[Run, ...]
     notes: tuple[str, ...]
     box: BlackBox | None = None
+
+
+def check_given(recordings: Recording | Sequence[Recording], asked: str) -> list[Recording]:
+    """One recording or several, as a list.
+
+    Args:
+        recordings: what was given.
+        asked: the function that was, for the message.
+
+    Raises:
+        ConfigurationError: something else than recordings.
+    """
+    if isinstance(recordings, Recording):
+        return [recordings]
+    given: list[object] = [recordings] if isinstance(recordings, str | Path) else list(recordings)
+    for one in given:
+        if not isinstance(one, Recording):
+            what = f"a path. Read it: load_recordings({str(one)!r})" if isinstance(one, str | Path) else repr(one)
+            raise ConfigurationError(f"{asked}: recordings wanted, found {what}.")
+    return [one for one in given if isinstance(one, Recording)]
 
 
 def make_machine(

@@ -81,7 +81,7 @@ def _actuators(model: mujoco.MjModel, channels: Channels, runs: Sequence[Run]) -
     if channels.prescribed is not None:
         idle = only_on(model, channels.prescribed)
     places = []
-    for i in np.flatnonzero(~idle):
+    for i in np.flatnonzero(~idle & (model.actuator_ctrlnum > 0)):
         first = int(model.actuator_ctrladr[i])
         signal: Array = control[:, first]
         if np.ptp(signal) > 0:

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from torch_activegp.diagnosis.candidate import Candidate
 from torch_activegp.diagnosis.elimination import bounded_step, eliminate
 from torch_activegp.diagnosis.fit import Fit, bounds, difference_steps, split
+from torch_activegp.diagnosis.point import FAILED
 from torch_activegp.diagnosis.runs import Array
 from torch_activegp.diagnosis.shooting import Shooting
 
@@ -48,7 +49,8 @@ def refit(shooting: Shooting, fit: Fit, kept: NDArray[np.bool_]) -> Refits:
         kept: the segments that each of R parts has, ``(R, S)``.
     """
     if not fit.size:
-        return Refits(np.zeros((len(kept), 0)), np.tile(fit.per_segment, (len(kept), 1)))
+        per_segment = np.where(fit.per_segment < FAILED, fit.per_segment, np.inf)
+        return Refits(np.zeros((len(kept), 0)), np.tile(per_segment, (len(kept), 1)))
     if fit.design is None:
         fit = shooting.fit([(fit.effects, fit.values)], fit.starts, rounds=1)[0]
     residual, columns = _derivatives(shooting, fit)

@@ -81,9 +81,14 @@ def model_remainder(shooting: Shooting, fit: Fit, names: Sequence[str]) -> Outco
             f"joint:{joint}": dict(zip(names, map(float, scales), strict=True))
             for joint, scales in zip(channels.joints, effect.length_scales, strict=True)
         },
-        "chi2_of_kept": {"after": float(chi2[0]), "gp": float(chi2[1])},
+        "chi2_of_kept": dict(zip(("after", "gp"), _told(chi2), strict=True)),
     }
     return Outcome(effect if used else None, details)
+
+
+def _told(chi2: Array) -> list[float | None]:
+    """Numbers for JSON; None where a simulation failed."""
+    return [value if np.isfinite(value) else None for value in chi2.tolist()]
 
 
 def _affordable(shooting: Shooting) -> tuple[Shooting, NDArray[np.int64]]:

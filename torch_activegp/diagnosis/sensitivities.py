@@ -10,13 +10,14 @@ from torch_activegp.diagnosis.engine import Candidate
 from torch_activegp.diagnosis.fit import Fit
 from torch_activegp.diagnosis.inertial_forces import change, inertial_forces, with_effects
 from torch_activegp.diagnosis.linearize import Linearization
+from torch_activegp.diagnosis.readings import readings
 from torch_activegp.diagnosis.runs import Array
 from torch_activegp.diagnosis.shooting import Shooting
 from torch_activegp.physics.actuator import ActuatorEffect
 from torch_activegp.physics.effect import Effect
 from torch_activegp.physics.joint import JointEffect
 from torch_activegp.physics.play import Hysteresis
-from torch_activegp.physics.sensing import SensorEffect
+from torch_activegp.physics.sensing import SensorDelay, SensorEffect
 
 _MOST_BYTES = 30_000_000
 """Of controls that are changed side by side."""
@@ -59,7 +60,7 @@ def effect_columns(
         if isinstance(effect, JointEffect):
             forces.setdefault(channel[effect.dof], []).append(i)
         elif isinstance(effect, SensorEffect):
-            out[..., i] = _sensor_column(effect, values, linear)
+            out[..., i] = _sensor_column(effect, values, linear, shooting.segments.dt)
         else:
             (controlled if isinstance(effect, ActuatorEffect) else simulated).append(i)
     for c, members in forces.items():
@@ -129,13 +130,13 @@ def _law(
     return effect.force(middle, 0.5 * (velocity[:, 1:] + velocity[:, :-1]), values)
 
 
-def _sensor_column(effect: SensorEffect, values: Array, linear: Linearization) -> Array:
-    """A sensor changes its own channel, ``(S, K + 1, C)``."""
-    out = np.zeros((*linear.states.shape[:2], len(linear.positions)))
-    position = linear.states[..., linear.positions[effect.channel]]
-    velocity = linear.states[..., linear.velocities[effect.channel]]
-    changed = {"sensor_bias": values[0], "sensor_gain": values[0] * position, "sensor_delay": -values[0] * velocity}
-    out[..., effect.channel] = changed[effect.name]
+def _sensor_column(effect: SensorEffect, values: Array, linear: Linearization, dt: Array) -> Array:
+    """What a sensor changes in its own channel, ``(S, K + 1, C)``; a delay to first order, which is fast."""
+    position, velocity = linear.states[..., linear.positions], linear.states[..., linear.velocities]
+    if not isinstance(effect, SensorDelay):
+        return readings([Candidate((effect,), (values,))], position[None], velocity[None], dt)[0] - position
+    out = np.zeros_like(position)
+    out[..., effect.channel] = -values[0] * velocity[..., effect.channel]
     return out
 
 

@@ -62,10 +62,10 @@ def _closest(details: Mapping[str, Any]) -> str:
 
 def _rest(details: Mapping[str, Any]) -> str:
     """A warning where the names leave much more than noise."""
-    best = next(iter(details.get("rivals", ())), None)
-    if best is None or best["chi2_per_dof"] < _MUCH_LEFT or details["unexplained"]["white"]:
+    left = details["unexplained"]
+    if left["chi2_per_dof"] < _MUCH_LEFT or left["white"]:
         return ""
-    return f"; that is not all, for what is left is still {best['chi2_per_dof']:.2g} times the noise (chi2 per dof)"
+    return f"; that is not all, for what is left is still {left['chi2_per_dof']:.2g} times the noise (chi2 per dof)"
 
 
 def _tied(effect: NamedEffect, several: bool) -> str:

@@ -170,7 +170,7 @@ class ActuatorLag(ActuatorEffect):
     @classmethod
     def at(cls, place: Place, model: mujoco.MjModel) -> Self:
         """Makes the effect for an actuator, with time constants from a third of a sample to 0.2 s."""
-        seeds = np.geomspace(max(place.dt / 3, 2e-3), 0.2, 7)
+        seeds = np.geomspace(np.clip(place.dt / 3, 2e-3, 0.1), 0.2, 7)
         parameter = Parameter("time_constant", "s", 0.3 * place.dt, low=0.0, high=0.5)
         return cls.make(place, model, parameter, list(seeds))
 
@@ -219,7 +219,7 @@ class ActuatorDelay(ActuatorEffect):
     @classmethod
     def at(cls, place: Place, model: mujoco.MjModel) -> Self:
         """Makes the effect for an actuator, with delays from half a sample to 0.15 s."""
-        seeds = np.geomspace(max(place.dt / 2, 2e-3), 0.15, 8)
+        seeds = np.geomspace(np.clip(place.dt / 2, 2e-3, 0.1), 0.15, 8)
         parameter = Parameter("seconds", "s", 0.3 * place.dt, low=0.0, high=0.4)
         return cls.make(place, model, parameter, list(seeds))
 

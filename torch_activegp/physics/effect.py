@@ -124,7 +124,7 @@ class Effect:
     vector: ClassVar[bool] = False
     """Whether its parameters are components of one vector, so that more than one of them say no more than one does."""
     order: ClassVar[int] = 0
-    """Place in the chain from the command of a drive to its force, where it acts on one."""
+    """Place in which it is written into a model: on a drive, in the chain from its command to its force."""
     needs_past: ClassVar[bool] = False
     """Whether :meth:`memory` takes, as its fourth, the :class:`~torch_activegp.physics.rotor.Past`."""
     losses: ClassVar[frozenset[str]] = frozenset()

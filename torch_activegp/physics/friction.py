@@ -11,7 +11,7 @@ import numpy as np
 
 from torch_activegp.physics.drag import AsymmetricFriction, QuadraticDrag, ViscousFriction
 from torch_activegp.physics.effect import Acting, Array, Effect, Index, Parameter, Place, Step
-from torch_activegp.physics.joint import JointEffect
+from torch_activegp.physics.joint import WITH_ITS_INERTIA, JointEffect
 
 _SMALL = 0.05
 SHARP = 2.0
@@ -106,6 +106,7 @@ class StribeckFriction(DryFriction):
     law = "-(F + (S - F) exp(-(v/w)^2)) sign(v), with sticking"
     losses = frozenset({"coulomb", "static"})
     covers = ("coulomb_friction",)
+    order = WITH_ITS_INERTIA
 
     @classmethod
     def at(cls, place: Place, model: mujoco.MjModel) -> Self:

@@ -11,6 +11,8 @@ import numpy as np
 
 from torch_activegp.physics.effect import Array, Effect, Index, Parameter, Place, Step, element
 
+WITH_ITS_INERTIA = 7
+"""Order of what is written for the inertia that the joint has by then, after all that changes it."""
 _ON_JOINTS = (int(mujoco.mjtTrn.mjTRN_JOINT), int(mujoco.mjtTrn.mjTRN_JOINTINPARENT))
 
 

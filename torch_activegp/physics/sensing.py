@@ -78,7 +78,7 @@ class SensorDelay(SensorEffect):
     @classmethod
     def at(cls, place: Place, model: mujoco.MjModel) -> Self:
         """Makes the effect for a recorded position."""
-        seeds = [float(seed) for seed in np.geomspace(max(place.dt / 2, 1e-3), 0.9 * MAX_DELAY, 5)]
+        seeds = [float(seed) for seed in np.geomspace(np.clip(place.dt / 2, 1e-3, 0.5 * MAX_DELAY), 0.9 * MAX_DELAY, 5)]
         return cls.make(place, Parameter("seconds", "s", 0.3 * place.dt, low=0.0, high=MAX_DELAY), seeds, 0)
 
     def measure(self, read: Callable[[int, Array], Array], values: Array) -> tuple[int, Array]:

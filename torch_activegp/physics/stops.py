@@ -10,7 +10,7 @@ import mujoco
 import numpy as np
 
 from torch_activegp.physics.effect import Acting, Array, Parameter, Place
-from torch_activegp.physics.joint import JointEffect
+from torch_activegp.physics.joint import WITH_ITS_INERTIA, JointEffect
 
 _STOP_PLACES, _HARDEST = 12, 0.0024
 """From so little of the recorded range: a hard stop that was struck twice gave way by 1 mm of 1 m."""
@@ -29,6 +29,7 @@ class JointStop(JointEffect):
     name = "joint_stop"
     never_negative = frozenset({"stiffness", "damping"})
     law = "-max(0, k p + d v) past the stop, p the penetration"
+    order = WITH_ITS_INERTIA
     inertia: float = 1.0
     side: ClassVar[float] = 1.0
 
