@@ -100,7 +100,7 @@ def explain(
     """
     numerics = (Numerics if machine.box is None else GivenNumerics).of(machine, nthread)
     keep = checkpoint or Checkpoint()
-    keep.share([*vars(numerics).values(), *machine.fit, *(form for effect in effects for form in effect.family())])
+    keep.share([*numerics.all, *machine.fit, *(form for effect in effects for form in effect.family())])
     tell("noise floor")
     noise = noise_floor(machine.fit)
 

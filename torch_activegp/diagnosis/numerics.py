@@ -144,6 +144,8 @@ class Numerics(Forms):
         """
         results, share, least = [], first.dof / dof, np.inf
         rivals = [Rival.at(first, form, rough) for form in competing]
+        own = [Rival.at(first, form, rough) for form in self.own if form not in competing]
+        rivals += [min(own, key=lambda rival: rival.left)] if own else []
         for rival in sorted(rivals, key=lambda rival: rival.left):
             lost = _LOST * least if least < _NEAR * first.dof else np.inf
             working, judged = self._working(rival, first, rough, lost)
@@ -158,8 +160,8 @@ class Numerics(Forms):
 
     def _cost(self, engine: Engine, fit: Fit, chi2: float, dof: int) -> float:
         """What a fit leaves, with what its parameters and its form must be worth."""
-        price = _PRICE * fit.size + (_FINEST if engine in self.short else 0.0)
-        if engine is self.given is not self.fine:
+        price = _PRICE * fit.size + (_FINEST if engine in (*self.short, *self.own) else 0.0)
+        if engine in (self.given, *self.own) and engine is not self.fine:
             price += _DISCRETE * chi2
         much = max(chi2 - _MUCH * dof, 0.0)
         return chi2 + price + (0.0 if engine is self.given else _CLEARLY * much)

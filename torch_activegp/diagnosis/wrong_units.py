@@ -26,6 +26,8 @@ _GOOD = 1.0
 _MAYBE = 3.0
 """The same up to which a doubt is said: a load that swings takes little, and what is missing counts beside it."""
 _BETTER = 10.0
+_SURE = 100.0
+"""Nobody takes a model for a machine that needs so many times its forces; the other unit is taken for certain."""
 _SLIPS = {True: {"deg": 180 / np.pi}, False: {"mm": 1e3, "cm": 1e2}}
 """Units that positions of hinges and of slides are taken for SI in."""
 
@@ -59,30 +61,33 @@ def check_units(model: mujoco.MjModel, channels: Channels, runs: Sequence[Run]) 
     Raises:
         DataError: some joints seem to be recorded in another unit.
     """
-    doubts: list[str] = []
     found = balance(model, channels, runs)
     if found is None:
-        return doubts
+        return []
     motion, missing, there = found
+    before = float((missing / there).max())
+    if before <= _BAD:
+        return []
+    tried: list[tuple[int, float, str, int]] = []
     for unit, slip, which in _guesses(channels):
-        before = float((missing / there)[which].max())
-        if before <= _BAD:
-            continue
         others, base = forces_of(model, channels, motion, np.where(which, 1.0 / slip, 1.0))
-        after = float((others / base)[which].max()) if (base > 0.0).all() else np.inf
+        after = float((others / base).max()) if (base > 0.0).all() else np.inf
         if after < _MAYBE and before > _BETTER * after:
-            joint = channels.joints[int(np.flatnonzero(which)[0])]
-            worst = _worst(model, channels, runs, which)
-            less, name = ("it would not", "Name the unit") if after < _GOOD else (f"{after:.1f}", "If so, name it")
-            message = (
-                f"{worst}, column `qpos.{joint}`: rad or m wanted, but this motion would take {before:.0f} "
-                f"times the forces that the model has; in {unit} {less}. {name} in a column map "
-                f'(--columns MAP.toml): qpos.{joint} = {{ column = "qpos.{joint}", unit = "{unit}" }}.'
-            )
-            if after < _GOOD:
-                raise DataError(message)
-            doubts.append(message)
-    return doubts[:1]
+            tried.append((int(which.sum()), after, unit, int(np.flatnonzero(which)[0])))
+    if not tried:
+        return []
+    _, after, unit, first = min(tried)  # of the fewest columns
+    joint, sure = channels.joints[first], after < _GOOD or before > _SURE
+    less = "it would not" if after < _GOOD else f"{after:.1f}"
+    message = (
+        f"{_worst(model, channels, runs, first)}, column `qpos.{joint}`: rad or m wanted, but this motion would take "
+        f"{before:.0f} times the forces that the model has; in {unit} {less}. "
+        f"{'Name the unit' if sure else 'If so, name it'} in a column map (--columns MAP.toml): "
+        f'qpos.{joint} = {{ column = "qpos.{joint}", unit = "{unit}" }}.'
+    )
+    if sure:
+        raise DataError(message)
+    return [message]
 
 
 def balance(model: mujoco.MjModel, channels: Channels, runs: Sequence[Run]) -> tuple[Motion, Array, Array] | None:
@@ -97,14 +102,14 @@ def balance(model: mujoco.MjModel, channels: Channels, runs: Sequence[Run]) -> t
     return None if (there <= 0.0).any() else (motion, missing, there)
 
 
-def _worst(model: mujoco.MjModel, channels: Channels, runs: Sequence[Run], which: NDArray[np.bool_]) -> str:
-    """The run whose motion of some joints takes most beyond the forces that the model has."""
+def _worst(model: mujoco.MjModel, channels: Channels, runs: Sequence[Run], c: int) -> str:
+    """The run whose motion of a joint takes most beyond the forces that the model has."""
     beyond = np.zeros(len(runs))
     for number, run in enumerate(runs):
         motion = motion_of([run])
         if motion is not None:
             missing, there = forces_of(model, channels, motion, np.ones(len(channels.joints)))
-            beyond[number] = (missing / np.maximum(there, 1e-300))[which].max()
+            beyond[number] = (missing / np.maximum(there, 1e-300))[c]
     return runs[int(np.argmax(beyond))].label
 
 
