@@ -287,3 +287,17 @@ def test_a_fit_that_ends_far_off_has_its_derivatives(sticking, monkeypatch, soon
     monkeypatch.setattr("torch_activegp.diagnosis.shooting._SOON", soon)
     monkeypatch.setattr("torch_activegp.diagnosis.shooting._FAR_OFF", 0.0)
     assert sticking()[0].design is not None
+
+
+def test_a_race_ends_where_it_is_once_so_much_is_computed(bench, monkeypatch) -> None:
+    """What it has found by then is told; without a race fits go on."""
+    sets = [((bench.effect("viscous_friction"),), (np.array([0.3]),))]
+    rounds = []
+    monkeypatch.setattr(shooting, "advance", lambda *a, **k: rounds.append(1) or advance(*a, **k))
+    counts = []
+    for race in (None, Race(), Race(work=bench.shooting.work)):
+        rounds.clear()
+        (fit,) = bench.shooting.fit(sets, bench.nominal.starts, race=race)
+        assert np.isfinite(fit.chi2)
+        counts.append(len(rounds))
+    assert counts[0] == counts[1] > counts[2] == 1

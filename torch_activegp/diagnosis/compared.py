@@ -130,6 +130,7 @@ def compare(
     rounds: int = ROUNDS,
     below: Fit | None = None,
     starts: Array | None = None,
+    work: float = np.inf,
 ) -> None:
     """Fits some sets from the states of a fit near by, and takes them in.
 
@@ -145,9 +146,10 @@ def compare(
         rounds: simulations at most, one after the other.
         below: a fit of what the sets have in common, if they have.
         starts: initial states to begin from, one for each set, ``(N, S, nq + nv)``, where not those of the fit near by.
+        work: time steps computed by then, :attr:`Shooting.work`, from which on a race ends where it is.
     """
     if sets:
-        contest = Race(selection.score, selection.nominal.chi2, shooting.dof) if race else None
+        contest = Race(selection.score, selection.nominal.chi2, shooting.dof, work) if race else None
         begin = near.starts if starts is None else starts
         fits = shooting.fit(sets, begin, rounds, contest, near=near, below=below)
         selection.add(fits)

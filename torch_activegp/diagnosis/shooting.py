@@ -184,6 +184,8 @@ class Shooting:
             if not running:
                 break
             advance(self, running.values(), last=number == rounds)
+            if race is not None and self.work > race.work:
+                break
             if race is not None:
                 race.give_up(list(running.values()), list(ended.values()), only_misled=number < SETTLE + 2)
             if number >= _SOON:
