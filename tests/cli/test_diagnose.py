@@ -2,6 +2,7 @@ from __future__ import annotations
 
 import dataclasses
 import json
+import logging
 from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
@@ -80,6 +81,7 @@ class Fake:
     keeps: bool = False
     key: str = "k"
     saved: BaseException | None = None
+    early: tuple[str, ...] = ()
     calls: list[dict[str, Any]] = dataclasses.field(default_factory=list)
 
     def __call__(
@@ -97,6 +99,8 @@ class Fake:
         assert checkpoint is not None
         checkpoint.open(self.key)
         checkpoint.once("naming", lambda: 1) if self.keeps else None
+        for note in self.early:
+            logging.getLogger("torch_activegp.diagnosis.diagnose").warning(note)
         tell("noise floor", None)
         tell("naming", 0.5)
         self.calls.append({"model": model, "fit": recordings, "test": holdout, "seed": seed, "nthread": nthread})
@@ -178,6 +182,14 @@ def test_the_sentence_comes_first_then_effects_ties_errors_and_files(run: Run, f
     assert call["model"] == Path("slide.xml")
     assert [recording.name for recording in (*call["fit"], *call["test"])] == ["a.csv", "b.csv", "c.csv"]
     assert (call["seed"], call["nthread"]) == (3, 0)
+
+
+def test_what_is_said_early_is_not_said_again(run: Run, folder: Path, fake: Fake) -> None:
+    fake.found["notes"] = ["No ctrl.drive; taken as 0.", "The search ended early."]
+    fake.early = ("No ctrl.drive; taken as 0.",)
+    shown = run("diagnose", "slide.xml", "a.csv", "b.csv", "--out", "out").stderr
+    assert shown.count("taken as 0") == shown.count("ended early") == 1
+    assert shown.index("taken as 0") < shown.index("ended early")
 
 
 def test_what_the_simulator_has_too_much_of_is_not_called_missing(run: Run, folder: Path, fake: Fake) -> None:

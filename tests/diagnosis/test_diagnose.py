@@ -244,3 +244,13 @@ def test_nothing_is_named_beside_a_prescribed_joint_where_nothing_was_left_out(d
     recordings = [double.record(seed, noise=double.noise) for seed in range(3)]
     found = diagnose(double.model(), recordings[:2], recordings[2:], nthread=1)
     assert (found.verdict, found.effects) == ("none", ())
+
+
+def test_what_was_decided_about_the_recordings_is_said_before_anything_is_computed(bench, record, caplog) -> None:
+    def stop(words: str, done: float | None) -> None:
+        if words == "noise floor":
+            raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        diagnose(bench.xml, [record(), record(), record()], tell=stop)
+    assert "No --holdout: set aside" in caplog.text

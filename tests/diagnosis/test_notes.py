@@ -18,6 +18,7 @@ def test_nothing_is_said_of_a_search_as_it_should_be_and_all_that_is_not(bench) 
     short = dataclasses.replace(selection, cut_short=True)
     numerics, part, end = search_notes(Explanation(bench.engine, some, short, (), fine=True, firm=True))
     assert f"{bench.engine.model.opt.timestep:g} s" in numerics
+    assert "by Runge-Kutta in steps of 0.005 s than" in numerics
     assert "sticks firmly" in numerics
     assert "47% of the recordings" in part
     assert "15 million time steps" in end

@@ -48,20 +48,22 @@ def test_nothing_is_proposed_where_nothing_differs(bench, wet) -> None:
 
 
 def test_the_ends_of_the_least_certain_parameter_are_four_standard_errors_apart(wet) -> None:
-    (low, high), telling = least_certain(wet, 1.0)
+    (low, high), telling = least_certain(wet, np.linalg.inv(wet.information))
     error = wet.information[0, 0] ** -0.5
     np.testing.assert_allclose(high.values[0] - low.values[0], 4.0 * error)
     assert f"{error:.2g} N m s/rad to about {0.5 * error:.2g}" in telling.sentence(48.0)
-    np.testing.assert_allclose(np.subtract(*(least_certain(wet, 4.0)[0][k].values[0] for k in (1, 0))), 8.0 * error)
-    assert least_certain(dataclasses.replace(wet, information=np.zeros((1, 1))), 1.0) is None
+    np.testing.assert_allclose(
+        np.subtract(*(least_certain(wet, 4.0 / wet.information)[0][k].values[0] for k in (1, 0))), 8.0 * error
+    )
+    assert least_certain(wet, np.zeros((1, 1))) is None
 
 
 def test_other_parameters_follow_the_least_certain_one(bench, wet) -> None:
     information = np.array([[400.0, -19.0], [-19.0, 1.0]])
     effects = (wet.effects[0], bench.effect("constant_force"))
     fit = dataclasses.replace(wet, effects=effects, values=(np.ones(1), 9.0 * np.ones(1)), information=information)
-    (low, high), telling = least_certain(fit, 1.0)
     covariance = np.linalg.inv(information)
+    (low, high), telling = least_certain(fit, covariance)
     step = [high.values[k][0] - low.values[k][0] for k in range(2)]
     place = int(np.argmax(np.diag(covariance) ** 0.5 / [1.0, 9.0]))
     np.testing.assert_allclose(step, 4.0 * covariance[:, place] / covariance[place, place] ** 0.5)

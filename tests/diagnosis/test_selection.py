@@ -261,7 +261,7 @@ def test_a_search_ends_where_it_has_computed_enough(bench) -> None:
 def test_of_the_best_two_sets_the_second_is_not_developed_after_that(bench, monkeypatch, much, developed) -> None:
     seen: list[Fit] = []
 
-    def expand(selection: Selection, shooting: Shooting, effects: object, fit: Fit) -> None:
+    def expand(selection: Selection, shooting: Shooting, effects: object, fit: Fit, work: float) -> None:
         seen.append(fit)
         monkeypatch.setattr(shooting.engine, "work", shooting.engine.work + much)
 

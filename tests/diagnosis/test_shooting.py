@@ -6,8 +6,10 @@ import mujoco
 import numpy as np
 import pytest
 
+from torch_activegp.diagnosis import shooting
+from torch_activegp.diagnosis.advance import advance
 from torch_activegp.diagnosis.engine import Candidate, Engine
-from torch_activegp.diagnosis.gauss_newton import Problem
+from torch_activegp.diagnosis.gauss_newton import SETTLE, Problem
 from torch_activegp.diagnosis.race import Race
 from torch_activegp.diagnosis.shooting import Shooting
 
@@ -291,8 +293,8 @@ def test_a_fit_that_ends_far_off_has_its_derivatives(sticking, monkeypatch, soon
 
 def test_a_race_ends_where_it_is_once_so_much_is_computed(bench, monkeypatch) -> None:
     """What it has found by then is told; without a race fits go on."""
-    sets = [((bench.effect("viscous_friction"),), (np.array([0.3]),))]
-    rounds = []
+    sets = [((bench.effect("joint_stop"),), (np.array([30.0, 0.5, 0.2]),))]
+    rounds: list[int] = []
     monkeypatch.setattr(shooting, "advance", lambda *a, **k: rounds.append(1) or advance(*a, **k))
     counts = []
     for race in (None, Race(), Race(work=bench.shooting.work)):
@@ -300,4 +302,5 @@ def test_a_race_ends_where_it_is_once_so_much_is_computed(bench, monkeypatch) ->
         (fit,) = bench.shooting.fit(sets, bench.nominal.starts, race=race)
         assert np.isfinite(fit.chi2)
         counts.append(len(rounds))
-    assert counts[0] == counts[1] > counts[2] == 1
+        assert fit.information.any()  # it ends whole, with its derivatives
+    assert counts[0] == counts[1] > counts[2] == SETTLE + 4

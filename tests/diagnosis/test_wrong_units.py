@@ -7,6 +7,7 @@ import mujoco
 import numpy as np
 import pytest
 
+from torch_activegp.diagnosis.machine import make_machine
 from torch_activegp.diagnosis.wrong_units import check_units
 from torch_activegp.errors import DataError
 
@@ -76,3 +77,11 @@ def test_the_run_that_is_in_degrees_is_named(bench) -> None:
     mixed = [right[0], dataclasses.replace(wrong[1], label="bad")]
     with pytest.raises(DataError, match=r"^bad, column `qpos\.hip`"):
         check(bench, mixed)
+
+
+def test_one_joint_of_two_in_degrees_is_the_one_that_is_named(double) -> None:
+    """Whatever else moves because of it; a model that lacks a hundred times what it has is no doubt any more."""
+    run = double.record(0, seconds=2.0)
+    wrong = run.replace({"qpos.elbow": run["qpos.elbow"] * 180 / np.pi})
+    with pytest.raises(DataError, match=r'qpos\.elbow = \{ column = "qpos\.elbow", unit = "deg" \}'):
+        make_machine(double.model(), [dataclasses.replace(wrong, prescribed=())] * 2, [])

@@ -96,3 +96,12 @@ def test_numbers_keep_every_bit(tmp_path: Path) -> None:
     assert [float(line) for line in lines[1:-1]] == values
     write_json(tmp_path / "t.json", {"x": values})
     assert json.loads((tmp_path / "t.json").read_text()) == {"x": values}
+
+
+def test_a_place_that_takes_no_folder_is_reported_whatever_its_rights(tmp_path: Path, monkeypatch) -> None:
+    def fails(*_: object, **__: object) -> None:
+        raise OSError(30, "Read-only file system")
+
+    monkeypatch.setattr("torch_activegp.experiments.output.tempfile.TemporaryDirectory", fails)
+    with pytest.raises(ConfigurationError, match=r"Cannot make the output folder .*: Read-only file system in "):
+        check_output(tmp_path / "out", {}, resume=False)

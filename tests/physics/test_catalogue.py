@@ -163,6 +163,7 @@ def test_seeds_and_words_are_sound(bench: Any, number: int) -> None:
     assert 0 <= effect.linear <= len(effect.parameters)
     assert (low[: effect.linear] <= 0.0).all()
     assert effect.law
+    assert effect.law_with(effect.seeds[0])
     assert effect.__doc__
     described = [effect.describe(seed) for seed in effect.seeds]
     assert all(np.isfinite(list(words.values())).all() for words in described)

@@ -103,3 +103,18 @@ def test_a_load_may_sit_wherever_the_body_is_and_a_fifth_farther(bench: Any) -> 
     far += bench.model.geom_rbound[shapes]
     assert [p.high for p in aside.parameters[1:]] == pytest.approx([1.2 * far.max()] * 2)
     assert 1.2 * far.max() > np.linalg.norm(REACH)
+
+
+def test_the_law_of_a_load_says_where_it_is(bench: Any) -> None:
+    said = [effect.law_with(np.array(values)) for effect, values in effects(bench.model)]
+    places = [
+        "(0, 0, 0)",
+        "(0.15, 0, 0)",
+        "(0.1, 0.05, -0.08)",
+        "(0.15, 0, 0)",
+        None,
+        "(0.08, 0, 0)",
+        "(0.08, 0, -0.05)",
+    ]
+    for words, place in zip(said, places, strict=True):
+        assert place is None or f"at {place} m from the body's nominal centre of mass" in words

@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
+import logging
 import time
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any, Self
 
 import typer
 from rich.table import Table
@@ -95,7 +96,7 @@ def diagnose(
 
     checkpoint = Checkpoint(kept_in)
     with _going_on(checkpoint):
-        with one_thread(), StageProgress(console, "diagnosing") as progress:
+        with one_thread(), _Told.at_once() as told, StageProgress(console, "diagnosing") as progress:
             diagnosis = diagnose_from(
                 simulator, fit, test, seed=seed, nthread=threads, tell=progress.tell, checkpoint=checkpoint
             )
@@ -110,7 +111,8 @@ def diagnose(
     if checkpoint.resumed is not None:
         _say(f"Went on from an interrupted call, after {checkpoint.resumed}.", to=console)
     for note in found.get("notes") or ():
-        _say(note, to=console)
+        if note not in told.notes:
+            _say(note, to=console)
     _say(diagnosis.sentence)
     _show(found)
     names = sorted({path.name for pattern in _RESULTS for path in folder.glob(pattern)})
@@ -136,6 +138,32 @@ def _going_on(checkpoint: Checkpoint) -> Iterator[None]:
             to=console,
         )
         raise typer.Exit(INTERRUPTED) from error
+
+
+class _Told(logging.Handler):
+    """Says what the diagnosis logs when it does so, and remembers it."""
+
+    def __init__(self) -> None:
+        super().__init__(logging.WARNING)
+        self.notes: list[str] = []
+
+    def emit(self, record: logging.LogRecord) -> None:
+        """Say it."""
+        self.notes.append(record.getMessage())
+        _say(self.notes[-1], to=console)
+
+    @classmethod
+    @contextmanager
+    def at_once(cls) -> Iterator[Self]:
+        """Listen while the context is."""
+        logger, told = logging.getLogger("torch_activegp.diagnosis.diagnose"), cls()
+        logger.addHandler(told)
+        before, logger.propagate = logger.propagate, False
+        try:
+            yield told
+        finally:
+            logger.removeHandler(told)
+            logger.propagate = before
 
 
 def _say(text: str, to: Any = results) -> None:

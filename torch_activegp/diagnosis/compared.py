@@ -126,11 +126,10 @@ def compare(
     selection: Selection,
     sets: Sequence[tuple[Sequence[Effect], Sequence[Array]]],
     near: Fit,
-    race: bool = False,
+    race: float | None = None,
     rounds: int = ROUNDS,
     below: Fit | None = None,
     starts: Array | None = None,
-    work: float = np.inf,
 ) -> None:
     """Fits some sets from the states of a fit near by, and takes them in.
 
@@ -142,14 +141,14 @@ def compare(
         selection: takes them in.
         sets: effects and first guesses.
         near: a fit near by.
-        race: give up on those that stay far behind.
+        race: give up on those that stay far behind, and end where so many time steps are computed by then,
+            :attr:`Shooting.work`; all go on where it is None.
         rounds: simulations at most, one after the other.
         below: a fit of what the sets have in common, if they have.
         starts: initial states to begin from, one for each set, ``(N, S, nq + nv)``, where not those of the fit near by.
-        work: time steps computed by then, :attr:`Shooting.work`, from which on a race ends where it is.
     """
     if sets:
-        contest = Race(selection.score, selection.nominal.chi2, shooting.dof, work) if race else None
+        contest = None if race is None else Race(selection.score, selection.nominal.chi2, shooting.dof, race)
         begin = near.starts if starts is None else starts
         fits = shooting.fit(sets, begin, rounds, contest, near=near, below=below)
         selection.add(fits)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import logging
 from collections.abc import Callable, Sequence
 from typing import Any
 
@@ -34,6 +35,7 @@ from torch_activegp.diagnosis.verdict import Verdict, decide
 from torch_activegp.diagnosis.words import sentence
 from torch_activegp.physics.effect import Effect
 
+_logger = logging.getLogger(__name__)
 _SHOWN = 8
 """So many rivals are reported, and the nominal."""
 _WORTH_LEARNING = 0.03
@@ -69,6 +71,8 @@ def diagnose(
     Returns:
         The diagnosis.
 
+    Logs what it decided about the recordings, as warnings, before it computes; they are in the notes too.
+
     Raises:
         DataError: a recording does not fit the model.
         ConfigurationError: a model that does not compile or cannot be simulated in batches, or whose state is another;
@@ -80,6 +84,8 @@ def diagnose(
     recordings, holdout = check_given(recordings, "diagnose"), check_given(holdout or (), "diagnose")
     source = read_source(model)
     machine = make_machine(source.model, recordings, holdout, source.box)
+    for note in machine.notes:
+        _logger.warning("%s", note)
     tried = effects_for(machine.model, machine.channels, machine.fit, effects)
     if source.box is not None:
         tried = accelerations(tried)
@@ -208,7 +214,7 @@ def _named(explanation: Explanation, judgement: Judgement, held: dict[Any, bool 
         NamedEffect(
             effect.name,
             effect.target,
-            effect.law,
+            effect.law_with(values[effect]),
             share,
             probability,
             estimates(explanation.shooting, judgement.fit, effect),

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import mujoco
 import numpy as np
 
 from torch_activegp.diagnosis.blackbox_engine import BlackBoxEngine
@@ -9,6 +10,12 @@ from torch_activegp.diagnosis.explain import Explanation
 from torch_activegp.diagnosis.segments import Segments
 from torch_activegp.diagnosis.selection import Depth
 
+_SCHEMES = {
+    int(mujoco.mjtIntegrator.mjINT_EULER): "semi-implicit Euler",
+    int(mujoco.mjtIntegrator.mjINT_RK4): "Runge-Kutta",
+    int(mujoco.mjtIntegrator.mjINT_IMPLICIT): "implicit Euler",
+    int(mujoco.mjtIntegrator.mjINT_IMPLICITFAST): "implicit Euler (implicitfast)",
+}
 _MOST = 0.75
 """Share of the recordings below which it is said: ends of runs and first rows of segments never count."""
 _CUT_SHORT = (
@@ -45,6 +52,13 @@ def _numerics_note(explanation: Explanation) -> list[str]:
         ]
     firmly = " and with dry friction in its joints that sticks firmly, where MuJoCo lets it creep" * explanation.firm
     return [
-        "The recordings agree better with the model integrated more finely than its own time step of "
-        f"{engine.model.opt.timestep:g} s says{firmly}; that difference is one of numerics and is not named."
+        f"The recordings agree better with the model integrated {_how(explanation)} than in its own time step of "
+        f"{engine.model.opt.timestep:g} s{firmly}; that difference is one of numerics and is not named."
     ]
+
+
+def _how(explanation: Explanation) -> str:
+    """Integrator and time step, as they go into the corrected model."""
+    engine = explanation.engine.without_leapfrog()
+    step = float(np.median(explanation.shooting.segments.dt)) / engine.substeps
+    return f"by {_SCHEMES[int(engine.model.opt.integrator)]} in steps of {step:.2g} s"

@@ -7,12 +7,12 @@ from typing import Any
 
 import numpy as np
 
-from torch_activegp.diagnosis.elimination import invert
 from torch_activegp.diagnosis.experiment import Telling, next_experiment
 from torch_activegp.diagnosis.explain import Explanation
 from torch_activegp.diagnosis.fit import Fit, bounds, split
+from torch_activegp.diagnosis.intervals import covariance
 from torch_activegp.diagnosis.judge import Judgement
-from torch_activegp.diagnosis.runs import Run
+from torch_activegp.diagnosis.runs import Array, Run
 
 _RIVALS = 3
 _OPEN = 20.0
@@ -50,24 +50,23 @@ def propose(
             return found
     if not certain:
         return None
-    ends = least_certain(judgement.fit, explanation.selection.score.scale)
+    ends = least_certain(judgement.fit, covariance(shooting, judgement.fit))
     if ends is None:
         return None
     fits, telling = ends
     return next_experiment(engine, fits, runs, shooting.noise, seed, shooting.differences, telling)
 
 
-def least_certain(fit: Fit, scale: float) -> tuple[list[Fit], Telling] | None:
+def least_certain(fit: Fit, covariance: Array) -> tuple[list[Fit], Telling] | None:
     """A fit with its least certain parameter at either end of its interval, the others following.
 
     Args:
         fit: of a set.
-        scale: noise per degree of freedom.
+        covariance: of its parameters, ``(P, P)``.
 
     Returns:
         Two fits, and what telling them apart tells; None where no parameter is known at all.
     """
-    covariance = scale * invert(fit.information)
     flat, error = np.concatenate([np.zeros(0), *fit.values]), np.sqrt(np.maximum(np.diag(covariance), 0.0))
     relative = np.where((error > 0.0) & (flat != 0.0), error / np.abs(np.where(flat != 0.0, flat, 1.0)), 0.0)
     if not relative.any():

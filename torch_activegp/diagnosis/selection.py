@@ -224,7 +224,7 @@ def _expand(
         proposed += undone(fit, screened, selection.score.a_parameter * selection.score.scale)
     known = {frozenset(f.effects) for f in selection.fits}
     fresh = heat(shooting, [p for p in proposed if frozenset(p[0]) not in known], fit, selection.score)
-    compare(shooting, selection, fresh.sets, fit, race=True, below=fit, starts=fresh.starts, work=work)
+    compare(shooting, selection, fresh.sets, fit, race=work, below=fit, starts=fresh.starts)
 
 
 def _be_fair(selection: Selection, shooting: Shooting) -> None:

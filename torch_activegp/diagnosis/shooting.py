@@ -183,9 +183,8 @@ class Shooting:
         for number in range(rounds + 1):
             if not running:
                 break
-            advance(self, running.values(), last=number == rounds)
-            if race is not None and self.work > race.work:
-                break
+            over = race is not None and number > SETTLE + 2 and self.work > race.work
+            advance(self, running.values(), last=over or number == rounds)
             if race is not None:
                 race.give_up(list(running.values()), list(ended.values()), only_misled=number < SETTLE + 2)
             if number >= _SOON:

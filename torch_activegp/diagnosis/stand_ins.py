@@ -58,7 +58,7 @@ def swap(selection: Selection, shooting: Shooting, effects: Sequence[Effect]) ->
     part, which = _enough(shooting, least_loss)
     if sets and part.segments.size < shooting.segments.size:
         sets, starts = near(part, which, sets, best, [CLOSE * selection.score.scale] * len(sets))
-    compare(shooting, selection, sets, best, race=True, starts=starts)
+    compare(shooting, selection, sets, best, race=np.inf, starts=starts)
 
 
 def _lost_on_a_part(
@@ -136,7 +136,7 @@ def try_tuned(selection: Selection, shooting: Shooting, effects: Sequence[Effect
     sets = [some for fit in bare for some in _undone(selection, part, fit, tunable, share)]
     lenient = dataclasses.replace(score, free=frozenset(effect.key for effect in tunable))
     passed = heat(shooting, sets, best, lenient)
-    compare(shooting, selection, passed.sets, best, race=True, starts=passed.starts)
+    compare(shooting, selection, passed.sets, best, race=np.inf, starts=passed.starts)
 
 
 def undo(selection: Selection, shooting: Shooting, effects: Sequence[Effect]) -> None:

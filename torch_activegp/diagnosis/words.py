@@ -9,7 +9,7 @@ from torch_activegp.diagnosis.result import NamedEffect
 
 _MOST = 0.5
 """Part of the mismatch that the closest set may leave and be told."""
-_MUCH_LEFT = 3.0
+_MUCH_LEFT = 2.0
 """Chi2 per degree of freedom from which on the names are said not to be all."""
 
 

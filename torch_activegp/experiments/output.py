@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import os
+import tempfile
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from pathlib import Path
@@ -72,6 +73,12 @@ def _require_parent(folder: Path) -> None:
     if not parent.is_dir() or not os.access(parent, os.W_OK | os.X_OK):
         what = "cannot be written" if parent.is_dir() else "is a file"
         raise ConfigurationError(f"Cannot make the output folder {folder}: {parent} {what}. Choose another --out.")
+    try:  # rights alone do not tell: some file systems hold no folders of ours
+        tempfile.TemporaryDirectory(dir=parent).cleanup()
+    except OSError as error:
+        raise ConfigurationError(
+            f"Cannot make the output folder {folder}: {error.strerror or error} in {parent}. Choose another --out."
+        ) from error
 
 
 def _compare(path: Path, settings: Mapping[str, Any], may_grow: Sequence[str]) -> None:

@@ -130,6 +130,10 @@ class Effect:
     losses: ClassVar[frozenset[str]] = frozenset()
     """Described amplitudes of what a machine has or has not: where all are negative, the simulator has too much."""
 
+    def law_with(self, values: Array) -> str:
+        """The law in words, with what its described parameters do not say, for parameters ``(P,)``."""
+        return self.law
+
     @classmethod
     def at(cls, place: Place, model: mujoco.MjModel) -> Self:
         """Makes the effect for a place; every class that can be tried there says how.

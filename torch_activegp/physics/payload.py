@@ -65,6 +65,11 @@ class PayloadMass(BodyEffect):
         mass[rows, self.body] = total
         return True
 
+    def law_with(self, values: Array) -> str:
+        """The law, and where the payload sits."""
+        place = ", ".join(f"{offset:.3g}" for offset in self.offsets(values[None])[0] + 0.0)
+        return f"a point mass m at ({place}) m from the body's nominal centre of mass, in the body's frame"
+
     def offsets(self, values: Array) -> Array:
         """Where the payload sits in each simulation, m from the body's centre of mass, ``(rows, 3)``."""
         return np.tile(np.array(self.offset), (len(values), 1))
