@@ -257,6 +257,15 @@ def test_a_search_ends_where_it_has_computed_enough(bench) -> None:
     assert 1.0 < middle - begun < 0.9 * (bench.shooting.work - middle)
 
 
+def test_a_search_that_ends_there_simplifies_what_it_found_last(bench, monkeypatch) -> None:
+    """A friction of two levels that are the same stood for one: it had come in a swap, after which nothing was done."""
+    two = bench.fit("asymmetric_friction", 0.06, 0.06)
+    selection = Selection(bench.nominal, [bench.nominal, two], Score(bench.shooting.samples, 60, 1.0))
+    search(selection, bench.shooting, bench.effects, set(), lambda words: None, Depth(work=0.0))
+    assert selection.cut_short
+    assert selection.best.keys == {("viscous_friction", "joint:hip")}
+
+
 @pytest.mark.parametrize(("much", "developed"), [(1e9, 1), (0.0, 2)])
 def test_of_the_best_two_sets_the_second_is_not_developed_after_that(bench, monkeypatch, much, developed) -> None:
     seen: list[Fit] = []
@@ -324,7 +333,7 @@ def test_sets_are_fitted_to_all_data_from_the_states_found_on_a_part(bench, monk
     selection = Selection(bench.nominal, [bench.nominal, fit], Score(bench.shooting.samples, 60, 1.0))
     _expand(selection, bench.shooting, [bench.effect("viscous_friction")], fit)
     _simplify(selection, bench.shooting, bench.effects)
-    assert len(begun) == 2
+    assert len(begun) == 3  # what is better, what is simpler, and other forms of parts
     for begin in begun:
         np.testing.assert_array_equal(begin, starts)
 

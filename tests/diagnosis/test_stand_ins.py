@@ -9,7 +9,7 @@ from torch_activegp.diagnosis.candidate import Candidate
 from torch_activegp.diagnosis.compared import Selection
 from torch_activegp.diagnosis.heats import Heat
 from torch_activegp.diagnosis.score import Score
-from torch_activegp.diagnosis.stand_ins import _enough, soften, swap, try_tuned, undo
+from torch_activegp.diagnosis.stand_ins import _enough, forms_of_parts, soften, swap, try_tuned, undo
 
 
 def test_rivals_take_the_place_of_what_was_found(bench) -> None:
@@ -127,3 +127,19 @@ def test_rivals_begin_from_the_states_found_on_a_part(bench, monkeypatch) -> Non
     selection.fits.insert(0, selection.nominal)
     swap(selection, many, [bench.effect("quadratic_drag"), bench.effect("viscous_friction")])
     np.testing.assert_array_equal(begun[-1], starts)
+
+
+@pytest.mark.parametrize(("share", "found"), [(0.4, False), (0.6, True)])
+def test_what_explains_most_alone_is_tried_in_its_other_forms_from_where_it_was_fitted(bench, share, found) -> None:
+    """Two loads that undo each other stood for the second axis of a centre of mass."""
+    shift, load = bench.effect("center_of_mass_offset", "body:rod"), bench.effect("payload_mass", "body:rod")
+    best = dataclasses.replace(bench.fit("viscous_friction", 0.05), effects=(shift, load), values=(np.ones(1),) * 2)
+    left = bench.nominal.chi2 - share * (bench.nominal.chi2 - best.chi2)
+    part = dataclasses.replace(best, effects=(shift,), values=(np.full(1, 0.02),), chi2=left)
+    selection = Selection(bench.nominal, [bench.nominal, part, best], Score(bench.shooting.samples, 60, 1.0))
+    sets = forms_of_parts(selection, bench.effects, {frozenset(best.effects), frozenset(part.effects)})
+    assert bool(sets) is found
+    for effects, values in sets:
+        assert [effect.key for effect in effects] == [shift.key]
+        assert effects[0] is not shift
+        assert set(values[0]) <= {0.0, 0.02}

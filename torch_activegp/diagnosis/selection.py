@@ -31,7 +31,7 @@ from torch_activegp.diagnosis.runs import Array
 from torch_activegp.diagnosis.score import Score
 from torch_activegp.diagnosis.screening import Atom, Screen, allowed, screen
 from torch_activegp.diagnosis.shooting import Shooting
-from torch_activegp.diagnosis.stand_ins import soften, swap, try_tuned, undo
+from torch_activegp.diagnosis.stand_ins import forms_of_parts, soften, swap, try_tuned, undo
 from torch_activegp.diagnosis.tuning import beside, only_undoes, undone
 from torch_activegp.physics.effect import Effect
 
@@ -136,6 +136,7 @@ def search(
         _be_fair(selection, shooting)
         if shooting.work > depth.work:
             selection.cut_short = True
+            _simplify(selection, shooting, effects)  # what came last in place of an effect too
             break
         known = expanded | skipped
         fresh = (f for f in selection.ranked() if frozenset(f.effects) not in known)
@@ -289,5 +290,6 @@ def _simplify(selection: Selection, shooting: Shooting, effects: Sequence[Effect
     sets = simpler(best, effects, known, best.chi2 + CLOSE * score.scale, score.free)
     fewer = without_weak(best, lambda effect: score.scale * score.price([effect]))
     sets += [fewer] if fewer and frozenset(fewer[0]) not in known else []
-    passed = heat(shooting, sets, best, score)
-    compare(shooting, selection, passed.sets, best, rounds=_ROUNDS, starts=passed.starts)
+    for some in (sets, forms_of_parts(selection, effects, known)):  # each among its like: these begin far off
+        passed = heat(shooting, some, best, score)
+        compare(shooting, selection, passed.sets, best, rounds=_ROUNDS, starts=passed.starts)

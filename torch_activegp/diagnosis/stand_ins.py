@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 
 import numpy as np
 from numpy.typing import NDArray
@@ -24,6 +24,8 @@ ALIKE = 0.6
 _AS_GOOD = 0.9
 """And so much for its other forms to be tried: a bucket's centre of mass lay off along two axes, and one of them alone
 gained less than an offset of the encoder, which nearly did what both do."""
+_MOST_OF_IT = 0.5
+"""Of what a set explains: a part of it that does so is worth a look in its other forms."""
 _PLENTY = 400.0
 _LOST, _ROUNDS = 10.0, 20
 """Chi2 per degree of freedom by which a set is lost without an effect, and rounds of the fit that shows it."""
@@ -152,3 +154,20 @@ def _undone(
     price = share * selection.score.a_parameter * selection.score.scale
     sets = undone(fit, screen(shooting, fit, allowed(tunable, fit)), price)
     return [some for some in sets if selection.of(some[0]) is None]
+
+
+def forms_of_parts(selection: Selection, effects: Sequence[Effect], known: Collection[frozenset[Effect]]) -> list[Set]:
+    """Other forms of what explains most of what the best set does: names that came after may stand for another axis.
+
+    From where the part was fitted, for beside them it moved: loads of 2.4 and -2.4 kg stood for a centre of mass that
+    was off along a second axis too, and the first one was a third of what it is.
+    """
+    best, nominal = selection.best, selection.nominal
+    much = nominal.chi2 - _MOST_OF_IT * (nominal.chi2 - best.chi2)
+    parts = [fit for fit in selection.fits if fit.effects and set(fit.effects) < set(best.effects) and fit.chi2 < much]
+    found = {
+        frozenset(some[0]): some
+        for fit in sorted(parts, key=lambda fit: -fit.chi2)
+        for some in other_forms(list(zip(fit.effects, fit.values, strict=True)), effects)
+    }
+    return [some for key, some in found.items() if key not in known]
