@@ -38,13 +38,13 @@ def test_a_refit_is_the_fit_to_that_part_alone(bench, without_one, name, target,
         assert per_segment[~kept].sum() == pytest.approx(forecast.chi2, abs=0.2, rel=5e-4)
 
 
-def test_a_law_with_a_kink_is_fitted_at_least_as_well(bench, without_one) -> None:
+def test_a_law_with_a_kink_is_fitted_about_as_well(bench, without_one) -> None:
     fit = bench.fit("coulomb_friction", 0.05)
     found = refit(bench.shooting, fit, without_one)
     for per_segment, kept in zip(found.per_segment, without_one, strict=True):
         wanted = bench.shooting.pick(kept).fit([(fit.effects, fit.values)], fit.starts[kept])[0]
-        assert per_segment[kept].sum() < wanted.chi2 + 3.0
-        assert per_segment[kept].sum() < fit.per_segment[kept].sum() - 5.0
+        assert per_segment[kept].sum() < wanted.chi2 + 2.0
+        assert per_segment[kept].sum() < fit.per_segment[kept].sum() - 10.0
 
 
 def test_a_fit_that_brings_no_derivatives_will_do(bench, without_one) -> None:

@@ -10,7 +10,7 @@ from torch_activegp.diagnosis.blackbox_engine import BlackBoxEngine
 from torch_activegp.diagnosis.candidate import Candidate
 from torch_activegp.diagnosis.correction import Form
 from torch_activegp.diagnosis.runs import Channels
-from torch_activegp.diagnosis.simulator import EffectSimulator, _numbers, corrected_simulator
+from torch_activegp.diagnosis.simulator import EffectSimulator, as_numbers, corrected_simulator
 from torch_activegp.diagnosis.source import Source
 from torch_activegp.errors import SimulationError
 from torch_activegp.simulators import Simulator
@@ -55,8 +55,8 @@ class AcceleratedSimulator(EffectSimulator):
         if size == 0 or count == 0:
             return state.new_empty(*batch, count, self.state_dim)
         clipped = self.action_space.clamp(actions.expand(*batch, *actions.shape[-2:]))
-        begin = _numbers(state.expand(*batch, self.state_dim)).reshape(size, self.state_dim)[:, order]
-        control = _numbers(clipped).reshape(size, count, self.action_dim)
+        begin = as_numbers(state.expand(*batch, self.state_dim)).reshape(size, self.state_dim)[:, order]
+        control = as_numbers(clipped).reshape(size, count, self.action_dim)
         after = self._engine.trajectories(self._segments(begin, control), begin, self.candidate)[:, 1:]
         states = torch.empty(size, count, self.state_dim, dtype=torch.float64)
         states[..., torch.from_numpy(order)] = torch.from_numpy(after)

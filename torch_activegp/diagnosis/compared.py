@@ -60,7 +60,7 @@ class Selection:
         return sound
 
     def lighten(self) -> None:
-        """Forgets derivatives of all fits but the best: many large arrays, of use where a set is developed alone."""
+        """Forgets derivatives of all fits but the nominal and the best few: large arrays, of use to develop a set."""
         named = dataclasses.replace(self, score=dataclasses.replace(self.score, free=frozenset()))
         kept = [self.nominal, *self.ranked()[:_REMEMBERED], *named.ranked()[:_REMEMBERED]]
         self.fits = [fit if fit in kept else fit.without_derivatives for fit in self.fits]

@@ -11,6 +11,8 @@ from torch_activegp.diagnosis.runs import Array
 
 UNSEEN = 1e-9
 """What changes chi2 by less is rounding errors."""
+_SAME = 1e-6
+"""Of the largest eigenvalue about: a direction in which columns differ by less is none."""
 
 
 @dataclasses.dataclass(frozen=True)
@@ -149,3 +151,19 @@ def eliminate(design: Array, columns: Array, residual: Array) -> Eliminated:
     normal = free.transpose(0, 2, 1) @ free
     gradient = np.einsum("smp,sm->sp", free, left)
     return Eliminated(normal, gradient, basis, triangle, columns, residual)
+
+
+def project(states: Array, columns: Array, residual: Array) -> tuple[Array, Array]:
+    """Normal equations of the columns after the free states are projected out."""
+    linear = eliminate(states, columns, residual)
+    return linear.normal.sum(0), linear.gradient.sum(0)
+
+
+def gained_by(normal: Array, gradient: Array) -> tuple[float, Array]:
+    """Decrease of chi2 by some columns and their amplitudes; directions that nothing can see give none."""
+    matrix, scale = scaled(normal)
+    value, vector = np.linalg.eigh(matrix)
+    seen = value > _SAME
+    projected = vector.T @ (gradient / scale)
+    weights = np.where(seen, projected / np.where(seen, value, 1.0), 0.0)
+    return float(projected @ weights), (vector @ weights) / scale

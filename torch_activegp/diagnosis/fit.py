@@ -28,8 +28,9 @@ class Fit:
         starts: initial states, ``(S, nq + nv)``.
         chi2: sum of squares of the whitened residuals.
         per_segment: its parts, ``(S,)``.
-        information: normal matrix of the parameters after the states are eliminated, ``(P, P)``.
-        scores: gradient of half the chi2 in each segment, ``(S, P)``.
+        information: normal matrix of the parameters after the states are eliminated, ``(P, P)``; empty where the
+            parameters were held.
+        scores: gradient of half the chi2 in each segment, ``(S, P)``; as empty there.
         design: derivatives of the whitened residuals by the initial states, ``(S, M, nq + nv)``.
         columns: the same by the parameters, ``(S, M, P)``.
         taken: the parameters with which these were taken, ``(P,)``.

@@ -10,11 +10,10 @@ from typing import Any
 import numpy as np
 from scipy import stats
 
-from torch_activegp.diagnosis.elimination import invert
+from torch_activegp.diagnosis.elimination import gained_by, invert, project
 from torch_activegp.diagnosis.fit import Fit
 from torch_activegp.diagnosis.linearize import Linearization, linearize
 from torch_activegp.diagnosis.runs import Array, input_addresses
-from torch_activegp.diagnosis.screening import _gain, _project
 from torch_activegp.diagnosis.shooting import Shooting
 from torch_activegp.physics.effect import Acting, Effect
 
@@ -102,8 +101,8 @@ def locate(shooting: Shooting, fit: Fit, bins: Sequence[Region] = ()) -> list[Re
             which = np.clip(np.digitize(values, edges[1:-1]), 0, len(edges) - 2)
             indicators = np.eye(len(edges) - 1)[which]
             columns = shooting.whiten_columns(linear.respond_to_force(channel, indicators))
-            normal, gradient = _project(starts, columns, residual)
-            gain, force = _gain(normal, gradient)
+            normal, gradient = project(starts, columns, residual)
+            gain, force = gained_by(normal, gradient)
             spread = np.sqrt(np.maximum(np.diag(invert(normal, 1e-8)), 0.0))
             count = indicators.sum(axis=(0, 1))
             p_value = float(stats.chi2.sf(gain, len(force)))

@@ -8,7 +8,7 @@ from collections.abc import Iterable, Iterator, Mapping, Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from torch_activegp.diagnosis.elimination import UNSEEN, eliminate, invert, scaled, wald
+from torch_activegp.diagnosis.elimination import UNSEEN, eliminate, gained_by, invert, project, scaled, wald
 from torch_activegp.diagnosis.fit import Fit
 from torch_activegp.diagnosis.linearize import Linearization, linearize
 from torch_activegp.diagnosis.runs import Array
@@ -25,7 +25,6 @@ from torch_activegp.physics.effect import Effect
 from torch_activegp.physics.joint import JointEffect
 
 _Row = tuple[Shooting, Fit, Linearization]
-_SAME = 1e-6
 _ALIKE = 1e-3
 """Least part of an effect that others do not make up. Of a drive's bias, a constant force on a slide that struck things
 left 7e-5, and the two were fitted 50 N and -49 N; of all other corrections there, at least 0.3 was left."""
@@ -106,7 +105,7 @@ class Screen:
     def together(self, atoms: Sequence[Atom]) -> tuple[float, list[Array]]:
         """What several atoms gain together, and the parameters with which they do."""
         index = _columns_of(atoms)
-        gain, amplitude = _gain(self.normal[np.ix_(index, index)], self.gradient[index])
+        gain, amplitude = gained_by(self.normal[np.ix_(index, index)], self.gradient[index])
         parts = np.split(amplitude, np.cumsum([a.columns.stop - a.columns.start for a in atoms])[:-1])
         return gain, [_with_amplitude(atom.effect, atom.seed, part) for atom, part in zip(atoms, parts, strict=True)]
 
@@ -143,13 +142,13 @@ def screen(shooting: Shooting, fit: Fit, effects: Sequence[Effect]) -> Screen:
             effect_columns(part, here, wanted, around, memory),
         )
         start, held, tested = (part.whiten_columns(block) for block in blocks)
-        more, along = _project(start, np.concatenate([held, tested], axis=-1), part.residual_of(here))
+        more, along = project(start, np.concatenate([held, tested], axis=-1), part.residual_of(here))
         normal, gradient = (normal + more, gradient + along) if normal.size else (more, along)
     normal, gradient = _without(fit.size, normal, gradient)
     atoms, at = [], 0
     for effect, seed, width in plan:
         where = slice(at, at + width)
-        atoms.append(_atom(effect, seed, where, *_gain(normal[where, where], gradient[where])))
+        atoms.append(_atom(effect, seed, where, *gained_by(normal[where, where], gradient[where])))
         at += width
     return Screen(tuple(atoms), normal, gradient)
 
@@ -228,12 +227,6 @@ def _parts(shooting: Shooting, columns: int) -> list[NDArray[np.int64]]:
     return np.array_split(np.arange(segments.size), min(max(count, 1), segments.size))
 
 
-def _project(states: Array, columns: Array, residual: Array) -> tuple[Array, Array]:
-    """Normal equations of the columns after the free states are projected out."""
-    linear = eliminate(states, columns, residual)
-    return linear.normal.sum(0), linear.gradient.sum(0)
-
-
 def _without(count: int, normal: Array, gradient: Array) -> tuple[Array, Array]:
     """Normal equations after the first parameters, such as those that are fitted already, are projected out too.
 
@@ -243,16 +236,6 @@ def _without(count: int, normal: Array, gradient: Array) -> tuple[Array, Array]:
     rest, pull = normal[count:, count:] - along @ normal[:count, count:], gradient[count:] - along @ gradient[:count]
     seen = np.diag(rest) > np.maximum(UNSEEN, UNSEEN * np.diag(normal)[count:])
     return np.where(seen[:, None] & seen, rest, 0.0), np.where(seen, pull, 0.0)
-
-
-def _gain(normal: Array, gradient: Array) -> tuple[float, Array]:
-    """Decrease of chi2 by some columns and their amplitudes; directions that nothing can see give none."""
-    matrix, scale = scaled(normal)
-    value, vector = np.linalg.eigh(matrix)
-    seen = value > _SAME
-    projected = vector.T @ (gradient / scale)
-    weights = np.where(seen, projected / np.where(seen, value, 1.0), 0.0)
-    return float(projected @ weights), (vector @ weights) / scale
 
 
 def _columns_of(atoms: Sequence[Atom]) -> NDArray[np.int64]:

@@ -87,8 +87,8 @@ class EffectSimulator(Simulator):
         size, count = batch.numel(), actions.shape[-2]
         if size == 0 or count == 0:
             return state.new_empty(*batch, count, self.state_dim)
-        begin = _numbers(state.expand(*batch, self.state_dim)).reshape(size, self.state_dim)
-        control = _numbers(actions.expand(*batch, *actions.shape[-2:])).reshape(size, count, self.action_dim)
+        begin = as_numbers(state.expand(*batch, self.state_dim)).reshape(size, self.state_dim)
+        control = as_numbers(actions.expand(*batch, *actions.shape[-2:])).reshape(size, count, self.action_dim)
         if self._engine is None:
             self._engine = Engine(*self._parts)
         after = self._engine.trajectories(self._segments(begin, control), begin, self.candidate)[:, 1:]
@@ -154,5 +154,6 @@ def corrected_simulator(
     return EffectSimulator(model, channels, candidate, dt=dt, substeps=substeps, integrator=integrator)
 
 
-def _numbers(tensor: Tensor) -> Array:
+def as_numbers(tensor: Tensor) -> Array:
+    """A tensor of any device and kind as an array of doubles, of the same shape."""
     return np.asarray(tensor.detach().to(device="cpu", dtype=torch.float64).numpy())
