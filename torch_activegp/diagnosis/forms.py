@@ -32,7 +32,7 @@ _FIRM_STEP = 0.00025
 """For friction of the model's own: a joint that sticks and slips at 0.05 mrad noise left 2.3 per dof with Runge-Kutta
 in steps of 0.5 ms, and 0.89, as the noise alone, with leapfrog in half of that. Two coupled ones left 8.3 and 1.3."""
 _QUICK = 0.00125
-_SHORTER, _SHORTEST = (2, 4, 5, 10, 20), 0.95e-4
+_SHORTER, _SHORTEST, _STIFF_SHORTEST = (2, 4, 5, 10, 20), 0.95e-4, 1.9e-3
 """How many times shorter the machine's steps may be, as of a simulator that is recorded in the model's place, and not
 below, s. Integrators of first order put a control half a step early: 0.25 ms left 1.7 times the noise of 0.5 mrad on an
 arm of two joints, where Runge-Kutta was the only other form, and no name explained it."""
@@ -72,8 +72,8 @@ class Forms:
         firm: short steps, and the dry friction that its joints have sticks firmly; None where they have none.
         firm_leapt: to it as leapt is to finest.
         firm_quick: to it as quick is to finest.
-        own: the model's own integrator in shorter steps, semi-implicit Euler in place of Runge-Kutta; none where
-            something touches.
+        own: the model's own integrator in shorter steps; semi-implicit Euler in place of Runge-Kutta, but where
+            something touches: that is soft by as much as a time step is long, in Runge-Kutta's too.
     """
 
     given: Engine
@@ -122,11 +122,11 @@ class Forms:
         short |= _firm(*where, leaps=not stiff, second=second, free=free)
         if not stiff and (model.nu or model.dof_damping.any()):
             late = make(model, substeps=coarse.substeps, late=True, **cheap)
-        own: tuple[Engine, ...] = ()
-        if not stiff:
-            shorter = [plain * times for times in _SHORTER if step / (plain * times) > _SHORTEST]
-            first = IMPLICIT_FAST if model.opt.integrator == RUNGE_KUTTA else None
-            own = tuple(make(model, substeps=steps, integrator=first) for steps in shorter)
+        shorter = [
+            plain * times for times in _SHORTER if step / (plain * times) > (_STIFF_SHORTEST if stiff else _SHORTEST)
+        ]
+        first = IMPLICIT_FAST if model.opt.integrator == RUNGE_KUTTA and not stiff else None
+        own = tuple(make(model, substeps=steps, integrator=first) for steps in shorter)
         made = cls(given, fine, coarse, middle, stiff, late, **short, own=own)
         begin_drives(made.all, machine.fit)
         return made
