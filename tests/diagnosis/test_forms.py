@@ -74,3 +74,17 @@ def test_what_strikes_now_and_then_takes_long_steps_where_nothing_touches(clean)
     dry = Forms.of(clean.integrated("Euler", 0.001, f'limited="true" range="-900 {highest[0]}" frictionloss="0.1"'), 1)
     assert isinstance(dry.coarse, CalmEngine)
     assert not isinstance(dry.fine, CalmEngine)  # where joints stick long steps are not exact
+
+
+def test_the_models_own_integrator_in_shorter_steps(clean) -> None:
+    plain, precise = (Forms.of(clean.integrated(name, 0.01), 1) for name in ("Euler", "RK4"))
+    for made, integrator in ((plain, EULER), (precise, FAST)):
+        assert [form.substeps for form in made.own] == [2, 4, 5, 10, 20]
+        assert {form.model.opt.integrator for form in made.own} == {integrator}
+    assert [plain.stand_in(form).substeps for form in plain.own] == [2, 4, 4, 4, 4]
+    assert [form.substeps for form in Forms.of(clean.integrated("Euler", 0.001), 1).own] == [20, 40, 50, 100]
+    striking = Forms.of(clean.integrated("RK4", 0.01, 'limited="true" range="-900 10"'), 1)
+    assert striking.stiff
+    assert [form.substeps for form in striking.own] == [2, 4, 5]  # no shorter than 2 ms, by the scheme that it has
+    assert {form.model.opt.integrator for form in striking.own} == {RK4}
+    assert set(striking.own) < set(striking.all)
