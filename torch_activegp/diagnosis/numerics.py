@@ -145,7 +145,7 @@ class Numerics(Forms):
         results, share, least = [], first.dof / dof, np.inf
         rivals = [Rival.at(first, form, rough) for form in competing]
         own = [Rival.at(first, form, rough) for form in self.own if form not in competing]
-        rivals += [min(own, key=lambda rival: rival.left)] if own else []
+        rivals += sorted(own, key=lambda rival: rival.left)[: None if self.stiff else 1]  # impacts hide which is close
         for rival in sorted(rivals, key=lambda rival: rival.left):
             lost = _LOST * least if least < _NEAR * first.dof else np.inf
             working, judged = self._working(rival, first, rough, lost)
