@@ -7,6 +7,7 @@ import numpy as np
 
 from torch_activegp.diagnosis.blackbox_engine import BlackBoxEngine
 from torch_activegp.diagnosis.explain import Explanation
+from torch_activegp.diagnosis.runs import median_step
 from torch_activegp.diagnosis.segments import Segments
 from torch_activegp.diagnosis.selection import Depth
 
@@ -60,5 +61,5 @@ def _numerics_note(explanation: Explanation) -> list[str]:
 def _how(explanation: Explanation) -> str:
     """Integrator and time step, as they go into the corrected model."""
     engine = explanation.engine.without_leapfrog()
-    step = float(np.median(explanation.shooting.segments.dt)) / engine.substeps
+    step = median_step(explanation.shooting.segments.runs) / engine.substeps
     return f"by {_SCHEMES[int(engine.model.opt.integrator)]} in steps of {step:.2g} s"

@@ -78,8 +78,6 @@ class PayloadMass(BodyEffect):
 class PayloadAlong(PayloadMass):
     """A point mass on the line through a body's centre of mass and its end; a load only, nothing that is missing."""
 
-    law = "a point mass m on the line from the body's nominal centre of mass to its end"
-
     @classmethod
     def towards(cls, place: Place, model: mujoco.MjModel, reach: Array) -> Self:
         """Makes the effect for a body whose end is at an offset (not 0) from its centre of mass."""
@@ -117,8 +115,6 @@ class PayloadAside(PayloadMass):
     """
 
     own: float = 0.0
-
-    law = "a point mass m at an offset from the body's nominal centre of mass, in the body's frame"
 
     @classmethod
     def within(cls, place: Place, model: mujoco.MjModel, reach: Array, axes: tuple[int, ...]) -> Self:
