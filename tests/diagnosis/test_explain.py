@@ -61,6 +61,18 @@ def test_a_floor_that_is_too_high_is_taken_anew(bench, monkeypatch, early) -> No
     assert found.selection.best.chi2 / found.shooting.dof == pytest.approx(1.0, abs=0.2)
 
 
+def test_noise_that_nothing_is_missing_behind_is_taken_anew_before_anything_is_named(clean, monkeypatch) -> None:
+    """Else a search goes on for what filtered noise, or noise that is quieter than its floor, leaves."""
+    monkeypatch.setattr(
+        "torch_activegp.diagnosis.explain.noise_floor", lambda runs: NoiseModel.white(np.array([4 * clean.noise]))
+    )
+    stages: list[str] = []
+    found = explain(clean.machine, some(clean), 1, stages.append)
+    assert "naming with the noise seen behind the effects" not in stages
+    assert not found.selection.best.effects
+    assert found.shooting.noise.scale[0] == pytest.approx(clean.noise, rel=0.15)
+
+
 @pytest.mark.parametrize(("high", "anew"), [(1.3, 1), (4.0, 2)])
 def test_numerics_are_judged_again_by_another_noise_only_where_it_is_clearly_another(
     bench, monkeypatch, high, anew
@@ -239,6 +251,8 @@ def test_noise_that_was_found_louder_is_the_floor_from_then_on(bench, monkeypatc
     floors: list[NoiseModel] = []
 
     def louder(shooting, fit, floor, last=False):
+        if not fit.effects and not floors:
+            return None
         floors.append(floor)
         return NoiseModel(1.5 * shooting.noise.scale, shooting.noise.colour) if len(floors) == 1 else None
 

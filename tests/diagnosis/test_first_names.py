@@ -8,13 +8,13 @@ import pytest
 from torch_activegp.diagnosis import explain as whole
 from torch_activegp.diagnosis.explain import explain
 from torch_activegp.diagnosis.first_names import in_brief_pieces
-from torch_activegp.diagnosis.lengths import brief
+from torch_activegp.diagnosis.lengths import nominal_in_brief
 from torch_activegp.diagnosis.noise_floor import noise_floor
 from torch_activegp.diagnosis.numerics import Numerics
 
 
 def test_brief_pieces_have_no_lead_and_cover_everything_once(bench) -> None:
-    found = brief(bench.machine, Numerics.of(bench.machine, 1), noise_floor(bench.machine.fit))
+    found = nominal_in_brief(bench.machine, Numerics.of(bench.machine, 1), noise_floor(bench.machine.fit))
     assert found is not None
     segments = found.segments
     lengths = segments.dt[:, 0] * np.diff(segments.scored, axis=1)[:, 0]
@@ -26,7 +26,7 @@ def test_brief_pieces_have_no_lead_and_cover_everything_once(bench) -> None:
 def test_rows_far_apart_make_no_brief_pieces(bench) -> None:
     slow = [dataclasses.replace(run, time=4.0 * run.time) for run in bench.machine.fit]
     machine = dataclasses.replace(bench.machine, fit=slow)
-    assert brief(machine, Numerics.of(machine, 1), noise_floor(bench.machine.fit)) is None
+    assert nominal_in_brief(machine, Numerics.of(machine, 1), noise_floor(bench.machine.fit)) is None
 
 
 @pytest.mark.parametrize(("most", "named"), [(1e9, True), (0.5, False)])

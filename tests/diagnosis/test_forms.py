@@ -81,7 +81,7 @@ def test_the_models_own_integrator_in_shorter_steps(clean) -> None:
     for made, integrator in ((plain, EULER), (precise, FAST)):
         assert [form.substeps for form in made.own] == [2, 4, 5, 10, 20]
         assert {form.model.opt.integrator for form in made.own} == {integrator}
-    assert [plain.stand_in(form).substeps for form in plain.own] == [2, 4, 4, 4, 4]
+    assert [plain.stand_in(form).substeps for form in plain.own] == [2, 4, 5, 4, 4]  # of half as many steps or fewer
     assert [form.substeps for form in Forms.of(clean.integrated("Euler", 0.001), 1).own] == [20, 40, 50, 100]
     striking = Forms.of(clean.integrated("RK4", 0.01, 'limited="true" range="-900 10"'), 1)
     assert striking.stiff

@@ -36,7 +36,9 @@ def test_another_bar_halves_others_and_does_not_fit_the_longest_again(bench, for
     assert near.halved
     sizes: list[int] = []
     fit = lengths._nominal
-    monkeypatch.setattr(lengths, "_nominal", lambda shooting: sizes.append(shooting.segments.size) or fit(shooting))
+    monkeypatch.setattr(
+        lengths, "_nominal", lambda shooting, *how: sizes.append(shooting.segments.size) or fit(shooting, *how)
+    )
     again = longest(bench.machine, forms, noise, 1.0, near)
     assert uncut(bench.machine).size not in sizes
     assert again.segments.size == near.segments.size
@@ -62,15 +64,15 @@ def test_the_cheap_form_by_which_the_nominal_follows_better_is_kept(bench, forms
     form, fit = getattr(forms, better), lengths._nominal
     assert form is not None
 
-    def worse(shooting):
-        found = fit(shooting)
+    def worse(shooting, *how):
+        found = fit(shooting, *how)
         return found if shooting.engine is form else dataclasses.replace(found, chi2=2.0 * found.chi2)
 
     monkeypatch.setattr(lengths, "_nominal", worse)
     found = longest(bench.machine, forms, bench.shooting.noise, 1.0)
     assert found.form is form
     used = []
-    monkeypatch.setattr(lengths, "_nominal", lambda shooting: used.append(shooting.engine) or fit(shooting))
+    monkeypatch.setattr(lengths, "_nominal", lambda shooting, *how: used.append(shooting.engine) or fit(shooting, *how))
     assert longest(bench.machine, forms, bench.shooting.noise, 1.0, found).form is form
     assert set(map(id, used)) == {id(form)}
 
@@ -78,8 +80,8 @@ def test_the_cheap_form_by_which_the_nominal_follows_better_is_kept(bench, forms
 def test_a_segment_that_stands_out_is_halved(bench, forms, monkeypatch) -> None:
     fit = lengths._nominal
 
-    def stuck(shooting):
-        found = fit(shooting)
+    def stuck(shooting, *how):
+        found = fit(shooting, *how)
         whole = shooting.segments.size == uncut(bench.machine).size
         level = np.where(whole & (np.arange(len(found.per_segment)) == 2), 20.0, 1.0)
         return dataclasses.replace(found, per_segment=level * shooting.segments.samples)

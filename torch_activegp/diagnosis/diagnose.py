@@ -7,6 +7,7 @@ from collections.abc import Callable, Sequence
 from typing import Any
 
 import numpy as np
+from threadpoolctl import threadpool_limits
 
 from torch_activegp.data import Recording
 from torch_activegp.diagnosis.blackbox import accelerations
@@ -92,9 +93,10 @@ def diagnose(
     if checkpoint is not None:
         checkpoint.open(fingerprint(source, machine, tried, seed))
     try:
-        explanation = explain(machine, tried, nthread, lambda words: say(words, None), checkpoint)
-        say("weighing the evidence", 0.7)
-        return _report(source, machine, explanation, decide(explanation.shooting, explanation.selection), seed, say)
+        with threadpool_limits(1, "blas"):  # many small matrices: beside another process threads took ten times longer
+            explanation = explain(machine, tried, nthread, lambda words: say(words, None), checkpoint)
+            say("weighing the evidence", 0.7)
+            return _report(source, machine, explanation, decide(explanation.shooting, explanation.selection), seed, say)
     finally:
         linearize.cache_clear()  # holds likelihood and recordings
 

@@ -8,6 +8,7 @@ from collections.abc import Callable, Sequence
 import numpy as np
 
 from torch_activegp.diagnosis.blackbox_engine import GivenNumerics
+from torch_activegp.diagnosis.brief_pieces import closest
 from torch_activegp.diagnosis.checkpoint import Checkpoint
 from torch_activegp.diagnosis.compared import Selection
 from torch_activegp.diagnosis.engine import Engine
@@ -103,6 +104,7 @@ def explain(
     keep.share([*numerics.all, *machine.fit, *(form for effect in effects for form in effect.family())])
     tell("noise floor")
     noise = noise_floor(machine.fit)
+    numerics = numerics.begun_with(closest(numerics, machine, noise))
 
     def begin() -> _Start:
         long = keep.once("length of segments", lambda: longest(machine, numerics, noise, _FAR))
@@ -114,7 +116,7 @@ def explain(
     def name() -> tuple[_Start, Selection]:
         start = keep.once("naming on a part of the data", begin)
         first = start.first
-        floor = noise
+        floor = raised(noise, start.noise)
         if first.effects and (other := noise_behind(start.shooting, first, floor)) is not None:
             floor = raised(floor, other)
             sets = [(first.effects, first.values), *start.sets]
@@ -150,6 +152,10 @@ def _start(
     hint = in_brief_pieces(machine, numerics, noise, effects, tell) if far else None
     sets, free = (hint.sets, hint.free) if hint is not None else ([], frozenset())
     naming = Naming(*numerics.choose(segments, noise, first, first, sets), sets, free)
+    if not sets and (other := noise_behind(naming.shooting, naming.judged, noise, last=True)) is not None:
+        noise, long = other, longest(machine, numerics, other, _FAR)
+        segments, first = long.segments, long.nominal
+        naming = Naming(*numerics.choose(segments, noise, first, first))
     engine, shooting, nominal, judged = naming.engine, naming.shooting, naming.nominal, naming.judged
     _refuse_failed(shooting.segments, nominal, judged)
     if naming.wants_a_part and not (hint is not None and judged.chi2 < _LED * shooting.dof):

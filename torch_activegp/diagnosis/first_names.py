@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from torch_activegp.diagnosis.compared import Selection
 from torch_activegp.diagnosis.engine import Engine
 from torch_activegp.diagnosis.fit import Fit
-from torch_activegp.diagnosis.lengths import brief
+from torch_activegp.diagnosis.lengths import nominal_in_brief
 from torch_activegp.diagnosis.machine import Machine
 from torch_activegp.diagnosis.noise_model import NoiseModel
 from torch_activegp.diagnosis.numerics import Numerics, Sets
@@ -72,7 +72,7 @@ def in_brief_pieces(
     nothing: on a lift with three effects a search took 200 s and led anywhere. In pieces of 60 ms the nominal is off by
     6 of the noise for 4700, and the right names come first.
     """
-    first = brief(machine, numerics, noise)
+    first = nominal_in_brief(machine, numerics, noise)
     if first is None:
         return None
     tell("naming in brief pieces")

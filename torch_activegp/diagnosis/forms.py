@@ -142,10 +142,16 @@ class Forms:
         """Those in short steps, which cost time."""
         return tuple(form for form in (self.finest, self.leapt, self.firm, self.firm_leapt) if form is not None)
 
+    def begun_with(self, coarse: Engine) -> Self:
+        """The same with another form for the coarse one."""
+        return dataclasses.replace(self, coarse=coarse)
+
     def stand_in(self, engine: Engine) -> Engine:
         """What may stand in for one of the forms where no coarse one is close."""
         if engine in self.own:
-            return next(own for own in self.own if own is engine or own.substeps >= _QUICKER * self.given.substeps)
+            quicker = _QUICKER * self.given.substeps
+            few = [own for own in self.own if own.substeps >= quicker and 2 * own.substeps <= engine.substeps]
+            return few[0] if few else engine
         quick = self.firm_quick if self.sticks(engine) else self.quick
         return quick if quick is not None and engine in self.short and engine.late else self.middle
 

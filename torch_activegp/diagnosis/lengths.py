@@ -7,6 +7,7 @@ import dataclasses
 import numpy as np
 from numpy.typing import NDArray
 
+from torch_activegp.diagnosis.brief_pieces import begun, brief
 from torch_activegp.diagnosis.chaining import chained
 from torch_activegp.diagnosis.engine import Engine
 from torch_activegp.diagnosis.fit import Fit
@@ -27,7 +28,6 @@ _OUT, _OUT_FAR = 10.0, 0.25
 """A segment stands out by so many times the median, and by so large a part of what is too far: one of twenty whose
 initial state was not found, at 50 times the noise, made a search of 150 s where nothing was missing."""
 _ROUNDS = 6
-_BRIEF, _FEW_ROWS = 0.06, 12
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
@@ -68,7 +68,8 @@ def longest(machine: Machine, forms: Forms, noise: NoiseModel, too_far: float, k
     segments = uncut(machine)
     if known is None:
         cheap = [forms.coarse, *([forms.late] if forms.late is not None else [])]
-        best, form = min(((_nominal(Shooting(one, segments, noise)), one) for one in cheap), key=lambda x: x[0].chi2)
+        fits = [(_nominal(Shooting(one, segments, noise), forms.stiff), one) for one in cheap]
+        best, form = min(fits, key=lambda pair: pair[0].chi2)
     else:
         best, form = known.uncut, known.form
     whole = best
@@ -78,19 +79,14 @@ def longest(machine: Machine, forms: Forms, noise: NoiseModel, too_far: float, k
         shorter = halve(segments, bad & long)
         if shorter.size == segments.size:
             return Lengths(segments, best, whole, form)
-        segments = shorter
-        best = _nominal(Shooting(form, segments, noise))
+        best, segments = _nominal(Shooting(form, shorter, noise), forms.stiff, (segments, best)), shorter
 
 
-def brief(machine: Machine, forms: Forms, noise: NoiseModel) -> Lengths | None:
-    """Pieces of the runs so short that their first states say nearly all; None where rows are too far apart for that.
-
-    Without a lead: what stuck in a tenth of a second before a piece would be in no recording.
-    """
-    seconds = max(_BRIEF, _FEW_ROWS * median_step(machine.fit))
-    if seconds > 0.5 * _SHORTEST:
+def nominal_in_brief(machine: Machine, forms: Forms, noise: NoiseModel) -> Lengths | None:
+    """How well the nominal follows brief pieces of the runs; None where rows are too far apart for any."""
+    segments = brief(machine.fit)
+    if segments is None:
         return None
-    segments = cut(machine.fit, seconds, 0.0)
     fit = _nominal(Shooting(forms.coarse, segments, noise))
     return Lengths(segments, fit, fit, forms.coarse)
 
@@ -106,10 +102,23 @@ def uncut(machine: Machine) -> Segments:
     return cut(machine.fit, max(SECONDS, ROWS * median_step(machine.fit)), PAD)
 
 
-def _nominal(shooting: Shooting) -> Fit:
-    """The model without effects, roughly."""
-    fit = shooting.fit([((), ())], shooting.engine.starts(shooting.segments), _ROUNDS)[0]
+def _nominal(shooting: Shooting, touches: bool = False, known: tuple[Segments, Fit] | None = None) -> Fit:
+    """The model without effects, roughly.
+
+    It begins where brief pieces lead if something touches, and in segments that are known already, where these ended.
+    """
+    starts = begun(shooting) if touches else shooting.engine.starts(shooting.segments)
+    if known is not None:
+        ended = dict(zip(map(tuple, _places(known[0])), known[1].starts, strict=True))
+        places = map(tuple, _places(shooting.segments))
+        starts = np.array([ended.get(place, start) for place, start in zip(places, starts, strict=True)])
+    fit = shooting.fit([((), ())], starts, _ROUNDS)[0]
     return chained(shooting, fit)
+
+
+def _places(segments: Segments) -> list[list[int]]:
+    """Run, first row and scored rows of each segment."""
+    return np.column_stack([segments.run, segments.first, segments.scored]).tolist()
 
 
 def _growth(fit: Fit, segments: Segments, noise: NoiseModel, nq: int) -> Array:

@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from torch_activegp.diagnosis.agreement import Rival, bar, first_close, same, settled, unabsorbed
+from torch_activegp.diagnosis.brief_pieces import left
 from torch_activegp.diagnosis.engine import Engine
 from torch_activegp.diagnosis.fit import Fit
 from torch_activegp.diagnosis.forms import Forms
@@ -146,8 +147,7 @@ class Numerics(Forms):
             dof: of all segments.
         """
         results, share, least = [], first.dof / dof, np.inf
-        rivals = [Rival.at(first, form, rough) for form in competing]
-        rivals += self._own_rivals(competing, first, rough, min(rival.left for rival in rivals))
+        rivals = self._rivals(competing, first, rough)
         for rival in sorted(rivals, key=lambda rival: rival.left):
             lost = _LOST * least if least < _NEAR * first.dof else np.inf
             working, judged = self._working(rival, first, rough, lost)
@@ -160,14 +160,24 @@ class Numerics(Forms):
             results.append((cost, rival.engine, working, best))
         return min(results, key=lambda result: result[0])[1:]
 
-    def _own_rivals(self, competing: Sequence[Engine], first: Shooting, rough: Fit, left: float) -> list[Rival]:
-        """The model's own integrator in steps that come closest, where no other form, of chi2 `left`, is closer by far.
+    def _rivals(self, competing: Sequence[Engine], first: Shooting, rough: Fit) -> list[Rival]:
+        """The forms to fit.
 
-        All of them where something touches, for impacts hide which is close.
+        Where something touches, those that come close in brief pieces. Else those that compete, and the model's own
+        integrator in steps that come closest, where no other form is closer by far.
         """
         own = [form for form in self.own if form not in competing]
-        if self.stiff or not own:
-            return [Rival.at(first, form, rough) for form in own]
+        if self.stiff:
+            leaves = {form: left(first, form, rough) for form in (*competing, *own)}
+            near = [form for form, chi2 in leaves.items() if chi2 <= _NO_FARTHER * min(leaves.values())]
+            return [dataclasses.replace(Rival.at(first, form, rough), left=leaves[form]) for form in near]
+        rivals = [Rival.at(first, form, rough) for form in competing]
+        return rivals + self._own_rivals(own, first, rough, min(rival.left for rival in rivals))
+
+    def _own_rivals(self, own: Sequence[Engine], first: Shooting, rough: Fit, left: float) -> list[Rival]:
+        """The one of some forms that comes closest, where none of chi2 `left` is closer by far."""
+        if not own:
+            return []
         few, which = first.subset(_GLANCE / first.segments.size)
         closest = min(own, key=lambda form: Rival.at(few, form, rough.pick(which)).left)
         found = Rival.at(first, closest, rough)
