@@ -199,9 +199,9 @@ def test_a_step_that_helps_allows_states_to_be_fitted_alone_again(bench) -> None
     fit = bench.fit("viscous_friction", 0.05)
     problem = Problem(bench.shooting, fit.effects, (np.array([0.02]),), fit.starts)
     problem.tell(bench.shooting.residuals_from(*problem.ask()[::-1]), last=False)
-    problem._detours = 0
+    problem._followers.detours = 0
     problem.tell(bench.shooting.residuals_from(*problem.ask()[::-1]), last=False)
-    assert problem._detours == 2
+    assert problem._followers.detours == 2
 
 
 def test_a_fit_whose_steps_keep_nothing_of_their_promises_ends_at_the_third(bench) -> None:

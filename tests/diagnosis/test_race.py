@@ -14,7 +14,7 @@ class Racer:
     def __init__(self, chi2: float, resting: object = None, effects=(), values=(), at_rest: bool = False) -> None:
         self.chi2, self.resting, self.effects, self.values, self.at_rest = chi2, resting, effects, values, at_rest
         self.best = Point(np.concatenate([np.zeros(0), *values]), np.zeros((1, 2)), np.array([chi2]))
-        self.finished = False
+        self.finished = self.settles = False
 
 
 def test_those_far_behind_give_up_and_the_best_three_go_on() -> None:
@@ -80,3 +80,11 @@ def test_what_may_undo_a_tuning_counts_without_its_name(bench) -> None:
     assert score.may_beat((drag, damping, bias), (drag,), 1050.0, 1000)
     assert not score.may_beat((damping, bias), (drag,), 1050.0, 1000)
     assert score.may_beat((damping, bias), (drag,), 1950.0, 1000)
+
+
+def test_one_whose_states_are_still_sought_is_not_given_up_as_misled() -> None:
+    racers = [Racer(chi2) for chi2 in (10.0, 20.0, 30.0, 5000.0, 6000.0)]
+    racers[3].settles = True
+    racers[3].resting = None
+    Race().give_up(racers)
+    assert [racer.finished for racer in racers] == [False, False, False, False, True]

@@ -45,6 +45,7 @@ _WORTH_LEARNING = 0.03
 Tell = Callable[[str, float | None], None]
 
 
+@threadpool_limits.wrap(limits=1)  # many small matrices: beside another process, threads took ten times as long
 def diagnose(
     model: object,
     recordings: Sequence[Recording],
@@ -93,10 +94,9 @@ def diagnose(
     if checkpoint is not None:
         checkpoint.open(fingerprint(source, machine, tried, seed))
     try:
-        with threadpool_limits(1, "blas"):  # many small matrices: beside another process threads took ten times longer
-            explanation = explain(machine, tried, nthread, lambda words: say(words, None), checkpoint)
-            say("weighing the evidence", 0.7)
-            return _report(source, machine, explanation, decide(explanation.shooting, explanation.selection), seed, say)
+        explanation = explain(machine, tried, nthread, lambda words: say(words, None), checkpoint)
+        say("weighing the evidence", 0.7)
+        return _report(source, machine, explanation, decide(explanation.shooting, explanation.selection), seed, say)
     finally:
         linearize.cache_clear()  # holds likelihood and recordings
 

@@ -90,17 +90,24 @@ class StatesAlone:
         point: where the states are, and how well they fit.
         residual: there, ``(S, M)``.
         only: the segments in question, ``(S,)``.
+        rounds: simulations at most, one after the other.
     """
 
     def __init__(
-        self, shooting: Likelihood, trial: Candidate, point: Point, residual: Array, only: NDArray[np.bool_]
+        self,
+        shooting: Likelihood,
+        trial: Candidate,
+        point: Point,
+        residual: Array,
+        only: NDArray[np.bool_],
+        rounds: int = _ROUNDS,
     ) -> None:
         self.only, self.point, self.residual = only, point, residual
         self.chosen, self.ends = np.zeros(len(only), dtype=np.int64), False
         self._trial, self._steps, self._reach = trial, shooting.state_columns(point.starts), shooting.state_reach()
         self._design: Array | None = None
         self._others: OtherSteps | None = None
-        self._rounds = _ROUNDS
+        self._rounds = rounds
 
     def ask(self) -> tuple[list[Candidate], Array]:
         """The trial with each state moved, or with several steps of the states."""

@@ -2,24 +2,26 @@
 
 from __future__ import annotations
 
+import functools
+
 import numpy as np
 from numpy.typing import NDArray
 
 from torch_activegp.diagnosis.brakes import Brakes
 from torch_activegp.diagnosis.differences import Differences
-from torch_activegp.diagnosis.elimination import Eliminated, bounded_step, eliminate
+from torch_activegp.diagnosis.elimination import Eliminated, eliminate
 from torch_activegp.diagnosis.engine import Candidate
-from torch_activegp.diagnosis.fit import Fit, bounds, difference_steps, inside, resting, split
-from torch_activegp.diagnosis.following import SLOWER, Follower, OtherSteps, StatesAlone
+from torch_activegp.diagnosis.fit import Fit, inside, resting, split
+from torch_activegp.diagnosis.followers import Followers
+from torch_activegp.diagnosis.following import Follower
 from torch_activegp.diagnosis.patience import Patience
 from torch_activegp.diagnosis.point import Likelihood, Point, chi2_of, total
 from torch_activegp.diagnosis.runs import Array
+from torch_activegp.diagnosis.trust import Trust
 from torch_activegp.physics.effect import Effect
 
-_FIRST_DAMPING, SETTLE = 1e-6, 4
+SETTLE = 4
 _MUCH, _LITTLE, _HOPE = 0.02, 0.05, 0.01
-_DETOURS = 2
-"""At one point: 120 of 271 first ones led on, 11 of 80 second ones, and 2 of 87 later ones."""
 _STALE = 2
 """Steps with old derivatives by the states, before new ones where the last step still changed much."""
 _FAR = 1.3
@@ -33,10 +35,10 @@ class Problem:
 
     Where the first guess is worse than the smaller set `below`, it begins from there instead, and is `resting` there
     before it does: a fit, for one round. A trial that is new in a part of the segments says in which, `only`, ``(S,)``,
-    and `others` holds the residuals of the rest. Derivatives may come from a fit of another set near by; they are
-    computed anew where they mislead. Its states too: segments that are far off in the beginning try the smoothed
-    recording in their place. `best` is the best point so far. Of what is asked for the first is the point itself, its
-    residuals may be `known`; the rest is for derivatives, which may be `lent` by a cheap simulation until they mislead.
+    and `others` holds the residuals of the rest. Derivatives may come from a fit of another set near by, until they
+    mislead. Its states too: segments that are far off in the beginning try the smoothed recording in their place. Of
+    what is asked for the first is the point itself, its residuals may be `known`; the rest is for derivatives, which
+    may be `lent` by a cheap simulation.
     """
 
     def __init__(
@@ -55,10 +57,9 @@ class Problem:
         self.resting: Fit | None = None
         self._given = {} if near is None else near.columns_of(effects, values)
         self._design = None if near is None else near.design
-        self._low, self._high = bounds(effects)
-        self._trial = np.clip(np.concatenate([np.zeros(0), *values]), self._low, self._high)
-        self._trial_starts = starts.copy()
-        self._damping, self._predicted = _FIRST_DAMPING, 0.0
+        self._trust = Trust(effects)
+        self._trial = self._trust.inside(np.concatenate([np.zeros(0), *values]))
+        self._trial_starts, self._predicted = starts.copy(), 0.0
         self.best: Point | None = None
         self._hold = hold or not len(self._trial)
         self._settling = 0 if self._hold or self._design is None else SETTLE
@@ -73,9 +74,8 @@ class Problem:
         self.known: Array | None = None
         self.others: Array
         self._follower: Follower | None = None
-        self._followed, self._patience = 0, Patience()
-        self._stale = self._design is not None
-        self._age, self._detours = int(self._stale), _DETOURS
+        self._followers, self._patience = Followers(shooting, smooth), Patience()
+        self._stale, self._age = self._design is not None, int(self._design is not None)
 
     @property
     def chi2(self) -> float:
@@ -88,20 +88,28 @@ class Problem:
         return self._design is not None and self._follower is None
 
     @property
+    def settles(self) -> bool:
+        """Whether its states still move alone, longer than those of others."""
+        return self._followers.rescued and self._settling > 0
+
+    @property
+    def _hopeful(self) -> bool:
+        return self._predicted > _HOPE * self.chi2
+
+    @property
     def _still(self) -> bool:
-        """Whether only the initial states move."""
         return self._hold or self._settling > 0
 
     def ask(self) -> tuple[list[Candidate], Array]:
         """A trial alone, or what derivatives want where the last step has changed much, or both in the beginning."""
         flat, starts, self.known = self._trial, self._trial_starts, None
+        if self._design is not None and self._still:
+            self._columns = np.zeros((*self._design.shape[:2], 0))
         if self._follower is not None:
             self.only, self.others = self._follower.only, self._follower.residual
             return self._follower.ask()
-        if self._design is not None and self._still:
-            self._columns = np.zeros((*self._design.shape[:2], 0))
         if self._design is not None and self._columns is not None:
-            return [Candidate(self.effects, split(self.effects, flat))], starts[None]
+            return [self._at(flat)], starts[None]
         moved = self.shooting.state_columns(starts)[: 0 if self._design is not None else None]
         self._differences = Differences.of(self.effects, flat, moved, None if self._still else self._given)
         candidates, states = self._differences.candidates(self.effects, flat, starts)
@@ -112,11 +120,12 @@ class Problem:
 
     def tell(self, white: Array, last: bool) -> None:
         """Takes the whitened residuals of what was asked for and makes the next trial."""
-        if self._follower is not None:
-            followed = self._follow(self._follower, white)
-            if followed is None:
+        if (follower := self._follower) is not None:
+            follower.tell(white)
+            if not follower.ends:
                 return
-            white = followed
+            self._brakes.take(follower.chosen)
+            self._trial_starts, self._follower, white = follower.point.starts, None, follower.residual[None]
         self.only = None
         residual = white[0].copy()  # a view would keep all of what was asked for
         per_segment = chi2_of(residual)
@@ -144,36 +153,52 @@ class Problem:
         assert self.best is not None
         little = self._design is not None and self._predicted < _ALONE + _SHARE * self.chi2
         settled = (self.finished or little) and not self._smoothed
+        misled = self._below is not None and self.chi2 > self._below[0].chi2
+        if misled and not last and (settled or self._settling <= 2) and self._rescues():
+            return
         self._settling = 0 if last or settled else self._settling - 1
         self.finished, self._smoothed = self.finished and not self._settling, False
         if self._settling or last:
             return
         self.only, self._brakes = None, Brakes(len(self._trial_starts))
-        self.finished, self._columns, self._damping = False, None, _FIRST_DAMPING
-        if self._below is not None and self.chi2 > self._below[0].chi2:  # a first guess that makes it worse misleads
+        self.finished, self._columns = False, None
+        self._trust.begin()
+        if self._below is not None and misled:  # a first guess that makes it worse misleads
             below, self._trial = self._below
             self._trial_starts, self._design = below.starts, below.design
             self._given = below.columns_of(self.effects, split(self.effects, self._trial))
             self.best, self._below, self.resting = None, None, resting(self.effects, self._trial, below)
             return
         self._trial, self._trial_starts = self.best.flat, self.best.starts
+        self._design = None if self._followers.rescued else self._design
         if len(self._given) == len(self._trial) and self._design is not None:
             columns = self._take_derivatives(self._raw[None], Differences(np.zeros(0)))
             self._linear = eliminate(self._design, columns, np.nan_to_num(self._raw))
             self._propose()
+
+    def _rescues(self) -> bool:
+        """Whether the states of segments that are worse than by the smaller set are sought, once, for they are few."""
+        assert self.best is not None and self._below is not None
+        if self._design is not None:
+            below = self._below[0].per_segment
+            self._follower = self._followers.rescue(self._at(self._trial), self.best, self._raw, below)
+        if self._follower is not None:
+            self.finished, self._settling = False, 1
+        return self._follower is not None
 
     def _better(self, residual: Array, per_segment: Array, fresh: bool, last: bool) -> None:
         """Takes a step that helped, or the point where the derivatives were taken."""
         old, chi2 = np.inf if self.best is None else self.best.chi2, total(per_segment)
         if chi2 <= old:
             self.best, self._raw = Point(self._trial, self._trial_starts, per_segment), residual
-            self._detours = _DETOURS if chi2 < old else self._detours
+            if chi2 < old:
+                self._followers.new_point()
         self.resting = None
         assert self._design is not None and self._columns is not None
         self._linear = eliminate(self._design, self._columns, np.nan_to_num(residual))
         fell = old - chi2
         if not fresh and np.isfinite(old):
-            self._damping = max(self._damping / 10.0, 1e-9)
+            self._trust.lengthen()
             self._age += 1
             self._patience.take(fell, self._predicted, chi2)
             braked = float(self._linear.promise[self._brakes.on].sum()) > _HOPE * chi2
@@ -224,37 +249,14 @@ class Problem:
         """A step that did not help: states that follow it better, then new derivatives, then a shorter step."""
         assert self.best is not None
         self.finished = last
-        if last or self._lets_states_follow(residual, per_segment):
+        if last:
             return
-        again = self._anew if self._age else self._shorten
-        again()
-
-    def _lets_states_follow(self, residual: Array, per_segment: Array) -> bool:
-        """Whether states are sought by which the segments that got worse follow; once in each way."""
-        assert self.best is not None
-        worse, known = per_segment > self.best.per_segment + _LITTLE, (self._trial, self._trial_starts, per_segment)
-        if not worse.any():
-            return False
-        trial = Candidate(self.effects, split(self.effects, self._trial))
-        if self._followed == 0:
-            delta = self._trial - self.best.flat
-            ways = [self.best.starts + self._shift(delta, damping) for damping in SLOWER]
-            ways += [] if self._smooth is None else [self._smooth]
-            self._follower = OtherSteps(trial, Point(*known), residual, worse, ways)
-        elif self._followed == 1 and self._smooth is not None and self._predicted > _HOPE * self.chi2 and self._detours:
-            self._detours -= 1
-            self._follower = StatesAlone(self.shooting, trial, Point(*known), residual, worse)
-        self._followed += 1
-        return self._follower is not None
-
-    def _follow(self, follower: Follower, white: Array) -> Array | None:
-        """Residuals ``(1, S, M)`` of the trial once its states have followed; None before."""
-        follower.tell(white)
-        if not follower.ends:
-            return None
-        self._brakes.take(follower.chosen)
-        self._trial_starts, self._follower = follower.point.starts, None
-        return follower.residual[None]
+        trial, shift = self._at(self._trial), functools.partial(self._shift, self._trial - self.best.flat)
+        known = Point(self._trial, self._trial_starts, per_segment)
+        self._follower = self._followers.behind(trial, known, residual, self.best, shift, self._hopeful)
+        if self._follower is None:
+            again = self._anew if self._age else self._shorten
+            again()
 
     def _anew(self, misled: bool = True) -> None:
         """Goes on from the best point with new derivatives: precise ones where those that there were misled."""
@@ -264,24 +266,22 @@ class Problem:
         self.finished, self.lent = False, self.lent and not misled
 
     def _shorten(self) -> None:
-        self._damping = max(10.0 * self._damping, 0.5)
-        self.finished = self._damping > (1e3 if self._predicted > _HOPE * self.chi2 else 10.0)
+        self.finished = self._trust.shorten(self._hopeful)
         if not self.finished:
             self._propose()
 
     def _propose(self) -> None:
         assert self.best is not None
-        flat, eliminated = self.best.flat, self._linear
-        delta = np.zeros(len(flat))
-        if not self._still:
-            normal, gradient = eliminated.normal.sum(0), eliminated.gradient.sum(0)
-            little = difference_steps(self.effects, flat)
-            delta = bounded_step(normal, gradient, self._damping, flat, self._low, self._high, little)
+        flat = self.best.flat
+        delta = np.zeros(len(flat)) if self._still else self._trust.step(self._linear, flat)
         shift = self._shift(delta)
-        self._predicted = eliminated.gain(delta[: eliminated.normal.shape[-1]], shift)
+        self._predicted = self._linear.gain(delta[: self._linear.normal.shape[-1]], shift)
         self.finished |= self._predicted < _LITTLE + 1e-5 * self.chi2
         self._trial, self._trial_starts = flat + delta, self.best.starts + shift
-        self._followed = 0
+        self._followers.new_trial()
+
+    def _at(self, flat: Array) -> Candidate:
+        return Candidate(self.effects, split(self.effects, flat))
 
     def _shift(self, delta: Array, damping: float = 0.0) -> Array:
         """The step of the initial states ``(S, n)`` beside one of the parameters, with so much damping at least."""

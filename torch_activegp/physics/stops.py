@@ -14,6 +14,9 @@ from torch_activegp.physics.joint import WITH_ITS_INERTIA, JointEffect
 
 _STOP_PLACES, _HARDEST = 12, 0.0024
 """From so little of the recorded range: a hard stop that was struck twice gave way by 1 mm of 1 m."""
+_SOFT, _BOUNCES = 0.1, 0.2
+"""Part of a hard stop's stiffness from which on another stop is hard itself; damping of a hard one, of half the
+critical."""
 _IMPEDANCE = 1e-4
 _FAR = 1e4
 
@@ -24,6 +27,7 @@ class JointStop(JointEffect):
 
     Args:
         inertia: of the joint in the nominal model, kg m2 or kg.
+        speed: of the joint where it is fast, rad/s or m/s.
     """
 
     name = "joint_stop"
@@ -31,6 +35,7 @@ class JointStop(JointEffect):
     law = "-max(0, k p + d v) past the stop, p the penetration"
     order = WITH_ITS_INERTIA
     inertia: float = 1.0
+    speed: float = 0.0
     side: ClassVar[float] = 1.0
 
     @classmethod
@@ -49,14 +54,22 @@ class JointStop(JointEffect):
         places = high - width * np.geomspace(_HARDEST, 0.45, _STOP_PLACES)
         seeds = [[stiffness, 0.1 * place.force / place.speed, position] for position in places]
         inertia = 1.0 / max(float(model.dof_invweight0[place.index]), 1e-12)
-        return cls.make(
-            place, parameters, seeds, linear=2, variant="upper" if cls.side > 0 else "lower", inertia=inertia
-        )
+        end = "upper" if cls.side > 0 else "lower"
+        return cls.make(place, parameters, seeds, linear=2, variant=end, inertia=inertia, speed=place.speed)
 
     def starts_beside(self, values: Array) -> list[Array]:
-        """The same stiffness with half the critical damping, and all of it: a hard stop takes the bounce away."""
+        """The same stiffness with half the critical damping, and all of it: a hard stop takes the bounce away.
+
+        And one so hard that it ends the joint's motion on the way that is left: of a stop that is struck once, the
+        first order says nothing.
+        """
         half = np.sqrt(np.maximum(values[0], 0.0) * self.inertia)
-        return [np.array([values[0], damping, values[2]]) for damping in (half, 2.0 * half)]
+        beside = [np.array([values[0], damping, values[2]]) for damping in (half, 2.0 * half)]
+        depth = max(float(self.parameters[2].high - values[2]), self.parameters[2].scale * _HARDEST)
+        hard = self.inertia * (self.speed / depth) ** 2
+        if hard * _SOFT <= values[0]:
+            return beside
+        return [*beside, np.array([hard, _BOUNCES * np.sqrt(hard * self.inertia), values[2]])]
 
     def force(self, position: Array, velocity: Array, values: Sequence[Array] | Array) -> Array:
         """The law; see :meth:`JointEffect.force`."""
