@@ -2,48 +2,28 @@ from __future__ import annotations
 
 import dataclasses
 
-import mujoco
 import numpy as np
 import pytest
 
-from torch_activegp.data import Recording
-from torch_activegp.diagnosis.brief_pieces import begun, brief, closest, left, seconds_of
-from torch_activegp.diagnosis.machine import make_machine
+from tests.diagnosis.ram import ram
+from torch_activegp.diagnosis.brief_pieces import begun, brief, closest, left_in_brief, seconds_of
+from torch_activegp.diagnosis.machine import Machine
 from torch_activegp.diagnosis.noise_model import NoiseModel
 from torch_activegp.diagnosis.numerics import Numerics
 from torch_activegp.diagnosis.segments import cut
 from torch_activegp.diagnosis.shooting import Shooting
 
 NOISE = 5e-5
-XML = """
-<mujoco><option timestep="0.01" gravity="0 0 0"/><worldbody>
-<geom type="plane" pos="0.2 0 0" zaxis="-1 0 0" size="1 1 .1" condim="1" solref="0.02 0.3"/>
-<body name="ram"><joint name="x" type="slide" axis="1 0 0" stiffness="40" damping="0.4"/>
-<geom type="sphere" size="0.05" mass="1" condim="1" solref="0.02 0.3"/></body></worldbody>
-<actuator><motor name="coil" joint="x"/></actuator></mujoco>"""
 
 
-def ram(parts: int):
+def leaning(parts: int) -> Machine:
     """A ram that leans on a wall half of the time, simulated in so many parts of its model's steps."""
-    model = mujoco.MjModel.from_xml_string(XML)
-    truth = mujoco.MjModel.from_xml_string(XML.replace('timestep="0.01"', f'timestep="{0.01 / parts}"'))
-    data, rng = mujoco.MjData(truth), np.random.default_rng(0)
-    time = np.arange(801) / 100
-    control = 6.0 + 9.0 * np.sin(2 * np.pi * 1.1 * time)
-    position = []
-    for force in control:
-        position.append(data.qpos[0])
-        data.ctrl[:] = force
-        mujoco.mj_step(truth, data, parts)
-    columns = {"time": time, "qpos.x": np.array(position) + NOISE * rng.normal(size=801), "ctrl.coil": control}
-    assert max(position) > 0.15
-    recording = Recording.from_columns("strikes", columns)
-    return make_machine(model, [recording], [recording])
+    return ram(step=0.01, soft=0.02, noise=NOISE, rows=801, push=6.0, truth=0.01 / parts)
 
 
 @pytest.fixture(scope="module")
 def finer():
-    return ram(5)
+    return leaning(5)
 
 
 NOISES = NoiseModel.white(np.array([NOISE]))
@@ -51,7 +31,7 @@ NOISES = NoiseModel.white(np.array([NOISE]))
 
 @pytest.mark.parametrize("parts", [1, 5])
 def test_the_form_that_made_the_recordings_is_closest_where_something_touches(parts) -> None:
-    machine = ram(parts)
+    machine = leaning(parts)
     forms = Numerics.of(machine, 1)
     assert forms.stiff
     found = closest(forms, machine, NOISES)
@@ -86,14 +66,17 @@ def test_a_piece_across_an_impact_does_not_decide_between_forms(finer) -> None:
     moved = run.position.copy()
     moved[first : first + 12] += 0.1 * np.sin(np.arange(12))[:, None]
     spoiled = dataclasses.replace(shooting.segments, runs=(dataclasses.replace(run, position=moved),))
-    one, other = (left(shooting, forms.own[-1]), left(dataclasses.replace(shooting, segments=spoiled), forms.own[-1]))
+    one, other = (
+        left_in_brief(shooting, forms.own[-1]),
+        left_in_brief(dataclasses.replace(shooting, segments=spoiled), forms.own[-1]),
+    )
     assert other == pytest.approx(one, rel=0.1)
-    assert left(shooting, forms.given) > 2.0 * one
+    assert left_in_brief(shooting, forms.given) > 2.0 * one
 
 
 def test_effects_are_held_while_forms_are_compared(bench) -> None:
     fit = bench.fit("viscous_friction", 0.05)
-    bare, behind = left(bench.shooting, bench.engine), left(bench.shooting, bench.engine, fit)
+    bare, behind = left_in_brief(bench.shooting, bench.engine), left_in_brief(bench.shooting, bench.engine, fit)
     assert behind < bare
     wrong = dataclasses.replace(fit, values=(np.array([5.0]),))
-    assert left(bench.shooting, bench.engine, wrong) > 2.0 * bare
+    assert left_in_brief(bench.shooting, bench.engine, wrong) > 2.0 * bare

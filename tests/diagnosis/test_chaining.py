@@ -6,6 +6,7 @@ import mujoco
 import numpy as np
 import pytest
 
+from tests.diagnosis.ram import ram
 from torch_activegp.data import Recording
 from torch_activegp.diagnosis.chaining import _at_rest, chained
 from torch_activegp.diagnosis.engine import Engine
@@ -15,41 +16,22 @@ from torch_activegp.diagnosis.segments import cut
 from torch_activegp.diagnosis.shooting import Shooting
 
 NOISE = 2e-4
-XML = """
-<mujoco><option timestep="0.001" gravity="0 0 0"/><worldbody>
-<geom type="plane" pos="0.2 0 0" zaxis="-1 0 0" size="1 1 .1" condim="1" solref="0.004 0.3"/>
-<body name="ram"><joint name="x" type="slide" axis="1 0 0" stiffness="40" damping="0.4"/>
-<geom type="sphere" size="0.05" mass="1" condim="1" solref="0.004 0.3"/></body></worldbody>
-<actuator><motor name="coil" joint="x"/></actuator></mujoco>"""
 
 
 @pytest.fixture(scope="module")
-def ram() -> Shooting:
+def striking() -> Shooting:
     """A ram that strikes a wall twice a second; its speed jumps there, and that of a smoothed recording does not."""
-    model = mujoco.MjModel.from_xml_string(XML)
-    data, rng = mujoco.MjData(model), np.random.default_rng(0)
-    time = np.arange(401) / 100
-    control = 9.0 * np.sin(2 * np.pi * 1.1 * time)
-    position = []
-    for force in control:
-        position.append(data.qpos[0])
-        data.ctrl[:] = force
-        mujoco.mj_step(model, data, 10)
-    columns = {"time": time, "qpos.x": np.array(position) + NOISE * rng.normal(size=401), "ctrl.coil": control}
-    assert max(position) > 0.15
-    recording = Recording.from_columns("strikes", columns)
-    machine = make_machine(model, [recording], [recording])
-    return Shooting(
-        Engine(model, machine.channels, 10, 1), cut(machine.fit, 0.25, 0.1), NoiseModel.white(np.array([NOISE]))
-    )
+    machine = ram(step=0.001, soft=0.004, noise=NOISE, rows=401)
+    engine = Engine(machine.model, machine.channels, 10, 1)
+    return Shooting(engine, cut(machine.fit, 0.25, 0.1), NoiseModel.white(np.array([NOISE])))
 
 
-def test_segments_begin_where_the_ones_before_lead(ram) -> None:
-    fit = ram.fit([((), ())], ram.engine.starts(ram.segments))[0]
-    samples = ram.segments.counts.sum(axis=1)
+def test_segments_begin_where_the_ones_before_lead(striking) -> None:
+    fit = striking.fit([((), ())], striking.engine.starts(striking.segments))[0]
+    samples = striking.segments.counts.sum(axis=1)
     stuck = fit.per_segment > 30 * samples
-    assert 2 <= stuck.sum() < ram.segments.size // 3
-    again = chained(ram, fit)
+    assert 2 <= stuck.sum() < striking.segments.size // 3
+    again = chained(striking, fit)
     assert again.chi2 < 0.05 * fit.chi2
     assert again.chi2 == pytest.approx(again.per_segment.sum())
     assert (again.per_segment[stuck] < 0.1 * fit.per_segment[stuck]).all()

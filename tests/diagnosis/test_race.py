@@ -82,9 +82,8 @@ def test_what_may_undo_a_tuning_counts_without_its_name(bench) -> None:
     assert score.may_beat((damping, bias), (drag,), 1950.0, 1000)
 
 
-def test_one_whose_states_are_still_sought_is_not_given_up_as_misled() -> None:
+def test_one_whose_states_are_still_sought_is_not_given_up() -> None:
     racers = [Racer(chi2) for chi2 in (10.0, 20.0, 30.0, 5000.0, 6000.0)]
     racers[3].settles = True
-    racers[3].resting = None
     Race().give_up(racers)
     assert [racer.finished for racer in racers] == [False, False, False, False, True]

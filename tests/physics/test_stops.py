@@ -49,3 +49,17 @@ def test_stops_are_looked_for_where_they_were_hardly_touched(bench: Any) -> None
         places = kind.at(place, bench.model).seeds[:, 2]
         assert places.max() == pytest.approx(end - 0.0024 * 2.0)
         assert np.ptp(places) > 0.8
+
+
+@pytest.mark.parametrize("kind", [JointStop, LowerJointStop])
+def test_a_soft_first_guess_comes_with_a_stop_that_ends_the_motion_on_the_way_that_is_left(
+    bench: Any, kind: Any
+) -> None:
+    stop = kind.at(bench.shoulder, bench.model)
+    place = stop.parameters[2].high - 0.01
+    *critical, (stiffness, damping, there) = stop.starts_beside(np.array([1.0, 0.1, place]))
+    assert len(critical) == 2
+    assert there == place
+    assert 0.5 * stiffness * 0.01**2 == pytest.approx(0.5 * stop.inertia * bench.shoulder.speed**2)  # its energy
+    assert damping == pytest.approx(0.1 * 2.0 * np.sqrt(stiffness * stop.inertia))
+    assert len(stop.starts_beside(np.array([0.2 * stiffness, 0.1, place]))) == 2  # hard itself

@@ -41,7 +41,7 @@ def brief(runs: Sequence[Run]) -> Segments | None:
     return cut(runs, seconds, 0.0) if seconds <= _LONGEST else None
 
 
-def begun(shooting: Shooting, fit: Fit | None = None) -> Array:
+def begun(shooting: Shooting) -> Array:
     """Initial states of segments, ``(S, nq + nv)``: those by which a brief piece at the begin of each is followed best.
 
     A smoothed recording knows nothing of the speeds at an impact, and no derivative leads from one side of it to the
@@ -50,12 +50,11 @@ def begun(shooting: Shooting, fit: Fit | None = None) -> Array:
 
     Args:
         shooting: the likelihood.
-        fit: the effects that are there; None for none.
     """
-    return _followed(shooting, _heads(shooting.segments), fit).starts
+    return _followed(shooting).starts
 
 
-def left(shooting: Shooting, engine: Engine, fit: Fit | None = None) -> float:
+def left_in_brief(shooting: Shooting, engine: Engine, fit: Fit | None = None) -> float:
     """Chi2 that a form leaves in brief pieces where segments begin: as many times the median as there are pieces.
 
     Over longer ones of a machine that touches something, a form that is close does not show before it was fitted.
@@ -65,7 +64,7 @@ def left(shooting: Shooting, engine: Engine, fit: Fit | None = None) -> float:
         engine: the form.
         fit: the effects that are there; None for none.
     """
-    found = _followed(dataclasses.replace(shooting, engine=engine, offset=None), _heads(shooting.segments), fit)
+    found = _followed(dataclasses.replace(shooting, engine=engine), fit)
     return float(np.median(found.per_segment) * len(found.per_segment))
 
 
@@ -83,26 +82,26 @@ def closest(forms: Forms, machine: Machine, noise: NoiseModel) -> Engine:
     pieces = brief(machine.fit) if forms.stiff else None
     if pieces is None:
         return forms.coarse
-    pieces = pieces.pick(np.unique(np.linspace(0, pieces.size - 1, _SEEN).round().astype(np.int64)))
-    shooting, rivals = Shooting(forms.coarse, pieces, noise), dict.fromkeys((forms.coarse, forms.fine, *forms.own))
-    leaves = {engine: left(shooting, engine) for engine in rivals}
+    shooting, _ = Shooting(forms.coarse, pieces, noise).subset(_SEEN / pieces.size)
+    rivals = dict.fromkeys((forms.coarse, forms.fine, *forms.own))
+    leaves = {engine: left_in_brief(shooting, engine) for engine in rivals}
     least = min(leaves.values())
     if least > _CLEARLY * leaves[forms.coarse]:
         return forms.coarse
     near = [engine for engine, chi2 in leaves.items() if chi2 <= _CLOSE * least]
-    return min(near, key=lambda engine: engine.steps_in(pieces))
+    return min(near, key=lambda engine: engine.steps_in(shooting.segments))
 
 
 def _heads(segments: Segments) -> Segments:
     """A brief piece at the begin of each segment."""
-    rows = max(int(np.ceil(seconds_of(segments.runs) / median_step(segments.runs))), 1)
+    rows = int(np.ceil(seconds_of(segments.runs) / median_step(segments.runs)))
     last = np.array([len(run) - 1 for run in segments.runs])[segments.run]
     pieces = np.stack([segments.run, segments.first, segments.first, np.minimum(segments.first + rows, last)], axis=1)
     return lay(segments.runs, pieces.tolist())
 
 
-def _followed(shooting: Shooting, pieces: Segments, fit: Fit | None) -> Fit:
-    """The initial states of some pieces, with effects held as they are."""
-    here = dataclasses.replace(shooting, segments=pieces, offset=None)
+def _followed(shooting: Shooting, fit: Fit | None = None) -> Fit:
+    """The initial states of brief pieces where segments begin, with effects held as they are."""
+    pieces = dataclasses.replace(shooting, segments=_heads(shooting.segments), offset=None)
     what = ((), ()) if fit is None else (fit.effects, fit.values)
-    return here.fit([what], here.engine.starts(pieces), _ROUNDS, hold=True)[0]
+    return pieces.fit([what], pieces.engine.starts(pieces.segments), _ROUNDS, hold=True)[0]

@@ -104,7 +104,7 @@ def explain(
     keep.share([*numerics.all, *machine.fit, *(form for effect in effects for form in effect.family())])
     tell("noise floor")
     noise = noise_floor(machine.fit)
-    numerics = numerics.begun_with(closest(numerics, machine, noise))
+    numerics = dataclasses.replace(numerics, coarse=closest(numerics, machine, noise))
 
     def begin() -> _Start:
         long = keep.once("length of segments", lambda: longest(machine, numerics, noise, _FAR))

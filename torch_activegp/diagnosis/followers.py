@@ -16,6 +16,7 @@ _DETOURS = 2
 """At one point: 120 of 271 first ones led on, 11 of 80 second ones, and 2 of 87 later ones."""
 _LITTLE, _WORSE = 0.05, 1.0
 _FEW, _LONG = 0.25, 12
+"""Part of the segments that are few, and rounds for the states of these."""
 
 
 class Followers:

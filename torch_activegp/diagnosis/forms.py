@@ -60,7 +60,8 @@ class Forms:
     Args:
         given: the model's own integrator and time step.
         fine: Runge-Kutta of fourth order; the same object where the model has it already.
-        coarse: the model's own integrator, few steps.
+        coarse: the model's own integrator, few steps; where something touches and another form was clearly closer in
+            brief pieces, that one.
         middle: Runge-Kutta with few steps, where coarse is not close enough; dry friction wants more of them.
         stiff: whether something touches in more than 1 % of the recorded poses, or constraints tie bodies together.
         late: coarse by the leapfrog scheme, which costs as little and is often close where coarse is not; None on a
@@ -142,16 +143,12 @@ class Forms:
         """Those in short steps, which cost time."""
         return tuple(form for form in (self.finest, self.leapt, self.firm, self.firm_leapt) if form is not None)
 
-    def begun_with(self, coarse: Engine) -> Self:
-        """The same with another form for the coarse one."""
-        return dataclasses.replace(self, coarse=coarse)
-
     def stand_in(self, engine: Engine) -> Engine:
         """What may stand in for one of the forms where no coarse one is close."""
         if engine in self.own:
             quicker = _QUICKER * self.given.substeps
-            few = [own for own in self.own if own.substeps >= quicker and 2 * own.substeps <= engine.substeps]
-            return few[0] if few else engine
+            fewer = (own for own in self.own if own.substeps >= quicker and 2 * own.substeps <= engine.substeps)
+            return next(fewer, engine)
         quick = self.firm_quick if self.sticks(engine) else self.quick
         return quick if quick is not None and engine in self.short and engine.late else self.middle
 

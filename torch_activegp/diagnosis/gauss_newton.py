@@ -20,8 +20,7 @@ from torch_activegp.diagnosis.runs import Array
 from torch_activegp.diagnosis.trust import Trust
 from torch_activegp.physics.effect import Effect
 
-SETTLE = 4
-_MUCH, _LITTLE, _HOPE = 0.02, 0.05, 0.01
+SETTLE, _MUCH, _LITTLE, _HOPE = 4, 0.02, 0.05, 0.01
 _STALE = 2
 """Steps with old derivatives by the states, before new ones where the last step still changed much."""
 _FAR = 1.3
@@ -153,8 +152,9 @@ class Problem:
         assert self.best is not None
         little = self._design is not None and self._predicted < _ALONE + _SHARE * self.chi2
         settled = (self.finished or little) and not self._smoothed
-        misled = self._below is not None and self.chi2 > self._below[0].chi2
-        if misled and not last and (settled or self._settling <= 2) and self._rescues():
+        better = self._below if self._below is not None and self.chi2 > self._below[0].chi2 else None
+        soon = self.has_derivatives and not last and (settled or self._settling <= 2)
+        if better is not None and soon and self._rescues(better[0]):
             return
         self._settling = 0 if last or settled else self._settling - 1
         self.finished, self._smoothed = self.finished and not self._settling, False
@@ -163,8 +163,8 @@ class Problem:
         self.only, self._brakes = None, Brakes(len(self._trial_starts))
         self.finished, self._columns = False, None
         self._trust.begin()
-        if self._below is not None and misled:  # a first guess that makes it worse misleads
-            below, self._trial = self._below
+        if better is not None:  # a first guess that makes it worse misleads
+            below, self._trial = better
             self._trial_starts, self._design = below.starts, below.design
             self._given = below.columns_of(self.effects, split(self.effects, self._trial))
             self.best, self._below, self.resting = None, None, resting(self.effects, self._trial, below)
@@ -176,15 +176,13 @@ class Problem:
             self._linear = eliminate(self._design, columns, np.nan_to_num(self._raw))
             self._propose()
 
-    def _rescues(self) -> bool:
+    def _rescues(self, below: Fit) -> bool:
         """Whether the states of segments that are worse than by the smaller set are sought, once, for they are few."""
-        assert self.best is not None and self._below is not None
-        if self._design is not None:
-            below = self._below[0].per_segment
-            self._follower = self._followers.rescue(self._at(self._trial), self.best, self._raw, below)
-        if self._follower is not None:
-            self.finished, self._settling = False, 1
-        return self._follower is not None
+        assert self.best is not None
+        found = self._followers.rescue(self._at(self._trial), self.best, self._raw, below.per_segment)
+        if found is not None:
+            self._follower, self.finished, self._settling = found, False, 1
+        return found is not None
 
     def _better(self, residual: Array, per_segment: Array, fresh: bool, last: bool) -> None:
         """Takes a step that helped, or the point where the derivatives were taken."""

@@ -107,18 +107,17 @@ def _nominal(shooting: Shooting, touches: bool = False, known: tuple[Segments, F
 
     It begins where brief pieces lead if something touches, and in segments that are known already, where these ended.
     """
-    starts = begun(shooting) if touches else shooting.engine.starts(shooting.segments)
-    if known is not None:
-        ended = dict(zip(map(tuple, _places(known[0])), known[1].starts, strict=True))
-        places = map(tuple, _places(shooting.segments))
-        starts = np.array([ended.get(place, start) for place, start in zip(places, starts, strict=True)])
-    fit = shooting.fit([((), ())], starts, _ROUNDS)[0]
+    ended = {} if known is None else dict(zip(_places(known[0]), known[1].starts, strict=True))
+    places = _places(shooting.segments)
+    new = shooting.pick(np.array([place not in ended for place in places]))
+    ended |= zip(_places(new.segments), begun(new) if touches else new.engine.starts(new.segments), strict=True)
+    fit = shooting.fit([((), ())], np.array([ended[place] for place in places]), _ROUNDS)[0]
     return chained(shooting, fit)
 
 
-def _places(segments: Segments) -> list[list[int]]:
+def _places(segments: Segments) -> list[tuple[int, ...]]:
     """Run, first row and scored rows of each segment."""
-    return np.column_stack([segments.run, segments.first, segments.scored]).tolist()
+    return [tuple(place) for place in np.column_stack([segments.run, segments.first, segments.scored]).tolist()]
 
 
 def _growth(fit: Fit, segments: Segments, noise: NoiseModel, nq: int) -> Array:

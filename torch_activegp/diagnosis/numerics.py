@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from torch_activegp.diagnosis.agreement import Rival, bar, first_close, same, settled, unabsorbed
-from torch_activegp.diagnosis.brief_pieces import left
+from torch_activegp.diagnosis.brief_pieces import left_in_brief
 from torch_activegp.diagnosis.engine import Engine
 from torch_activegp.diagnosis.fit import Fit
 from torch_activegp.diagnosis.forms import Forms
@@ -40,7 +40,7 @@ _NEAR, _LOST = 2.0, 4.0
 """Where a form leaves less than so many times the noise, others that leave so many times as much are given up."""
 _GLANCE, _NO_FARTHER = 6, 1.1
 """Segments on which the model's own integrator is tried in steps of several lengths, and how much more than the other
-forms the best may leave there to be fitted."""
+forms the best may leave there to be fitted; where something touches, any form than the best one in brief pieces."""
 _FEW_STEPS = 4.0
 """What comes late by fewer time steps is seen in shorter ones too: behind steps of 5 ms a lag of 3 ms was a delay."""
 _LIKE_A_TIME_STEP = frozenset({"actuator_delay", "actuator_lag", "sensor_delay"})
@@ -168,7 +168,7 @@ class Numerics(Forms):
         """
         own = [form for form in self.own if form not in competing]
         if self.stiff:
-            leaves = {form: left(first, form, rough) for form in (*competing, *own)}
+            leaves = {form: left_in_brief(first, form, rough) for form in (*competing, *own)}
             near = [form for form, chi2 in leaves.items() if chi2 <= _NO_FARTHER * min(leaves.values())]
             return [dataclasses.replace(Rival.at(first, form, rough), left=leaves[form]) for form in near]
         rivals = [Rival.at(first, form, rough) for form in competing]

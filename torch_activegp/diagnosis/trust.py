@@ -11,8 +11,8 @@ from torch_activegp.diagnosis.fit import bounds, difference_steps
 from torch_activegp.diagnosis.runs import Array
 from torch_activegp.physics.effect import Effect
 
-_FIRST, _LEAST = 1e-6, 1e-9
-_SHORTER, _LONGER = 10.0, 10.0
+_FIRST, _LEAST, _SHORT = 1e-6, 1e-9, 0.5
+_FACTOR = 10.0
 _MOST, _HOPEFUL_MOST = 10.0, 1e3
 
 
@@ -37,7 +37,7 @@ class Trust:
 
     def lengthen(self) -> None:
         """After a step that helped."""
-        self._damping = max(self._damping / _LONGER, _LEAST)
+        self._damping = max(self._damping / _FACTOR, _LEAST)
 
     def shorten(self, hopeful: bool) -> bool:
         """After one that did not; whether the next one would be too short.
@@ -45,7 +45,7 @@ class Trust:
         Args:
             hopeful: whether it promised much.
         """
-        self._damping = max(_SHORTER * self._damping, 0.5)
+        self._damping = max(_FACTOR * self._damping, _SHORT)
         return self._damping > (_HOPEFUL_MOST if hopeful else _MOST)
 
     def step(self, linear: Eliminated, flat: Array) -> Array:
