@@ -92,3 +92,25 @@ def test_a_segment_that_stands_out_is_halved(bench, forms, monkeypatch) -> None:
     assert not longest(bench.machine, forms, noise, 100.0).halved  # not near what is too far
     monkeypatch.setattr(lengths, "_OUT", 25.0)
     assert not longest(bench.machine, forms, noise, 60.0).halved  # not so far from the others
+
+
+@pytest.mark.parametrize("touches", [True, False])
+def test_states_are_sought_in_brief_pieces_where_something_touches_and_in_new_segments_alone(
+    bench, forms, monkeypatch, touches: bool
+) -> None:
+    forms = dataclasses.replace(forms, stiff=touches, late=None)
+    sought: list[int] = []
+    begun, guess = lengths.begun, type(forms.coarse).starts
+    monkeypatch.setattr(lengths, "begun", lambda new: sought.append(new.segments.size) or begun(new))
+    monkeypatch.setattr(lengths, "chained", lambda shooting, fit: fit)  # it asks for starts too
+    whole = uncut(bench.machine).size
+    first = [np.arange(whole) == 0]
+    monkeypatch.setattr(
+        lengths, "_stands_out", lambda fit, segments, _: first.pop() if first else np.zeros(segments.size, bool)
+    )
+    monkeypatch.setattr(lengths, "_growth", lambda fit, segments, *_: np.zeros(segments.size))
+    if not touches:
+        monkeypatch.setattr(type(forms.coarse), "starts", lambda self, new: sought.append(new.size) or guess(self, new))
+    found = longest(bench.machine, forms, bench.shooting.noise, 60.0)
+    assert found.segments.size == whole + 1
+    assert [size for size in sought if size] == [whole, 2]

@@ -267,3 +267,13 @@ def test_where_something_touches_a_form_must_do_justice_to_the_nominal_too(clean
         assert chosen is precise
         assert other.chi2 == pytest.approx(nominal.chi2, abs=0.1)
         assert again.chi2 == pytest.approx(judged.chi2, abs=0.1)
+
+
+def test_where_something_touches_only_forms_that_are_close_in_brief_pieces_are_fitted(clean, monkeypatch) -> None:
+    made = dataclasses.replace(Numerics.of(clean.integrated("Euler", 0.01), 1), stiff=True)
+    leaves = {id(form): 200.0 for form in made.all} | {id(made.own[1]): 100.0, id(made.fine): 109.0}
+    monkeypatch.setattr(numerics, "left_in_brief", lambda shooting, form, fit: leaves[id(form)])
+    shooting = truth_of(clean, made, "fine")
+    fit = shooting.fit([((), ())], clean.nominal.starts)[0]
+    found = made._rivals([made.given, made.fine], shooting, fit)
+    assert [(rival.engine, rival.left) for rival in found] == [(made.fine, 109.0), (made.own[1], 100.0)]
