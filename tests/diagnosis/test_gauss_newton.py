@@ -1,8 +1,12 @@
 from __future__ import annotations
 
+import dataclasses
+
 import numpy as np
 import pytest
 
+from torch_activegp.diagnosis.candidate import Candidate
+from torch_activegp.diagnosis.followers import Followers
 from torch_activegp.diagnosis.following import StatesAlone
 from torch_activegp.diagnosis.gauss_newton import Problem
 
@@ -220,3 +224,22 @@ def test_a_fit_whose_steps_keep_nothing_of_their_promises_ends_at_the_third(benc
         else:
             problem.tell(problem._raw + white - white[:1], last=False)
     assert trials == 3
+
+
+def test_a_first_guess_that_is_misled_in_few_segments_gets_states_of_their_own(bench, monkeypatch) -> None:
+    """Where a stop is struck in one segment, derivatives without it lead its states nowhere."""
+    stop = next(effect for effect in bench.effects if (effect.name, effect.variant) == ("joint_stop", "upper"))
+    high = bench.predict(bench.nominal.candidate).max()
+    truth = np.array([4000.0, 4.0, 0.97 * high])
+    position = bench.predict(Candidate((stop,), (truth,)))
+    noise = bench.noise * np.random.default_rng(0).normal(size=position.shape)
+    segments = dataclasses.replace(bench.segments, position=position + noise)
+    shooting = dataclasses.replace(bench.shooting, segments=segments)
+    nominal = shooting.fit([((), ())], bench.nominal.starts)[0]
+    guess = [((stop,), (np.array([2000.0, 1.0, 0.965 * high]),))]
+    found = shooting.fit(guess, nominal.starts, near=nominal, below=nominal)[0]
+    monkeypatch.setattr(Followers, "rescue", lambda *_: None)
+    without = shooting.fit(guess, nominal.starts, near=nominal, below=nominal)[0]
+    assert nominal.chi2 > 20.0 * shooting.dof
+    assert found.chi2 < 1.05 * shooting.dof
+    assert found.chi2 < without.chi2 - 10.0

@@ -274,6 +274,8 @@ class Problem:
         delta = np.zeros(len(flat)) if self._still else self._trust.step(self._linear, flat)
         shift = self._shift(delta)
         self._predicted = self._linear.gain(delta[: self._linear.normal.shape[-1]], shift)
+        if self._predicted < 0.0 and delta.any():  # bounds have bent the step
+            return self._shorten()
         self.finished |= self._predicted < _LITTLE + 1e-5 * self.chi2
         self._trial, self._trial_starts = flat + delta, self.best.starts + shift
         self._followers.new_trial()
