@@ -7,9 +7,10 @@ import numpy as np
 import pytest
 
 from torch_activegp.diagnosis.inertial_forces import change, inertial_forces, with_effects
-from torch_activegp.physics.effect import Effect, Place
+from torch_activegp.physics.effect import Effect
 from torch_activegp.physics.inertia import ArmatureError, CenterOfMassOffset, GravityError
 from torch_activegp.physics.payload import DensityError, PayloadAside, PayloadMass
+from torch_activegp.physics.place import Place
 
 _ARM = """<mujoco><worldbody><body name="base"><joint name="yaw" axis="0 0 1" armature="0.1"/>
 <geom type="box" size="0.1 0.05 0.08" pos="0.03 0 0.1" mass="2"/>

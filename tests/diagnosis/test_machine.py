@@ -96,3 +96,12 @@ def test_what_prescribed_means_is_noted_and_it_may_rest(double) -> None:
 def test_one_recording_may_come_without_a_list(record) -> None:
     one = record()
     assert check_given(one, "diagnose") == [one] == check_given((one,), "diagnose")
+
+
+def test_a_glitch_is_noted_with_its_recording(model, record) -> None:
+    run = record(name="a")
+    position = run["qpos.hip"].clone()
+    position[50] += 1.0
+    machine = make_machine(model, [run.replace({"qpos.hip": position})], [record(name="b")])
+    (note,) = machine.notes
+    assert note.startswith("a: a row left out, at 0.5 s: qpos.hip is far")

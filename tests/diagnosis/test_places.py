@@ -66,3 +66,13 @@ def test_an_actuator_without_input_has_no_effects_on_a_control(bench, first: boo
     text = bench.xml.replace(drive, loss + drive if first else drive + loss)
     found = effects_for(mujoco.MjModel.from_xml_string(text), bench.engine.channels, bench.machine.fit)
     assert {e.target for e in found if e.target.startswith("actuator:")} == {"actuator:drive"}
+
+
+def test_what_needs_a_joint_to_turn_back_is_tried_where_one_does(bench) -> None:
+    run = bench.machine.fit[0]
+    falling = dataclasses.replace(run, smooth=np.sort(run.smooth, axis=0))
+    wanted = {"hysteresis", "asymmetric_friction"}
+    for runs, there in (([run], wanted), ([falling], set()), ([falling, run], wanted)):
+        names = {e.name for e in effects_for(bench.engine.model, bench.engine.channels, runs)}
+        assert names & wanted == there
+        assert {"coulomb_friction", "viscous_friction", "linear_spring"} <= names

@@ -3,6 +3,7 @@ from __future__ import annotations
 import mujoco
 import numpy as np
 import pytest
+import torch
 
 from torch_activegp.data import Recording
 from torch_activegp.diagnosis.runs import Channels, input_addresses, make_run
@@ -158,3 +159,25 @@ def test_joints_that_cannot_be_prescribed_are_refused(double) -> None:
     )
     with pytest.raises(DataError, match=r"b, column `qpos\.table`: the model has no joint `table`"):
         Channels.of(model, [strange])
+
+
+def test_a_glitch_counts_for_nothing(two) -> None:
+    signal = np.sin(np.arange(60) * 0.05) + 1e-4 * np.random.default_rng(0).normal(size=60)
+    clean = Recording.from_columns("a", {"time": np.arange(60) * 0.01, "qpos.lift": signal})
+    channels = Channels.of(two, [clean])
+    signal = signal.copy()
+    signal[30] += 0.5
+    run = make_run(clean.replace({"qpos.lift": torch.from_numpy(signal)}), two, channels)
+    assert np.flatnonzero(~run.recorded).tolist() == [30]
+    assert run.notes == ("a row left out, at 0.3 s: qpos.lift is far from where the rows around it put it.",)
+    np.testing.assert_allclose(run.smooth, make_run(clean, two, channels).smooth, atol=1e-3)
+    assert make_run(clean, two, channels).recorded.all()
+
+
+def test_a_glitch_beside_dropped_rows_is_the_right_one(two) -> None:
+    rows = np.r_[0:20, 23:60]
+    signal = np.sin(rows * 0.05) + 1e-4 * np.random.default_rng(0).normal(size=57)
+    signal[30] -= 0.5
+    made = Recording.from_columns("a", {"time": rows * 0.01, "qpos.lift": signal})
+    run = make_run(made, two, Channels.of(two, [made]))
+    assert np.flatnonzero(~run.recorded).tolist() == [20, 21, 22, 33]

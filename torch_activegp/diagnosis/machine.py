@@ -90,6 +90,7 @@ def make_machine(
     notes += recording_notes(model, [*recordings, *holdout])
     fit = [make_run(recording, model, channels) for recording in recordings]
     kept = [make_run(recording, model, channels) for recording in holdout]
+    notes += [f"{run.label}: {note}" for run in [*fit, *kept] for note in run.notes]
     _refuse_constant(fit, channels)
     if box is None:
         notes += [*check_units(model, channels, fit), *check_units(model, channels, kept)]

@@ -15,7 +15,7 @@ import numpy as np
 
 from torch_activegp.diagnosis.runs import Array
 from torch_activegp.physics.actuation import ActuatorLag, follow
-from torch_activegp.physics.effect import Place
+from torch_activegp.physics.place import Place
 
 _FIRST_ORDER = (int(mujoco.mjtDyn.mjDYN_FILTER), int(mujoco.mjtDyn.mjDYN_FILTEREXACT))
 

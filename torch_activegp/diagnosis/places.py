@@ -13,6 +13,9 @@ from torch_activegp.diagnosis.runs import Array, Channels, Run, median_step
 from torch_activegp.physics import Effect, Place, catalogue
 from torch_activegp.physics.body import BodyEffect
 
+_BACK = 0.02
+"""Part of the whole range by which a joint turns back: the smallest slip that is tried."""
+
 
 def effects_for(
     model: mujoco.MjModel, channels: Channels, runs: Sequence[Run], more: Sequence[type[Effect]] = ()
@@ -60,7 +63,14 @@ def _joint(model: mujoco.MjModel, channels: Channels, runs: Sequence[Run], c: in
         dt=median_step(runs),
         qpos=int(channels.qpos[c]),
         loss=float(model.dof_frictionloss[dof]),
+        reverses=any(_turns_back(run.smooth[:, c], float(np.ptp(position))) for run in runs),
     )
+
+
+def _turns_back(position: Array, width: float) -> bool:
+    """Whether a joint moves both ways in a run, by more than its recorder's errors."""
+    moves = np.diff(position)
+    return bool(min(moves[moves > 0].sum(), -moves[moves < 0].sum()) > _BACK * width)
 
 
 def _moved(model: mujoco.MjModel, channels: Channels) -> NDArray[np.bool_]:

@@ -14,6 +14,7 @@ from scipy.ndimage import uniform_filter1d
 from torch_activegp.data import Recording, choose_window, noise_std, unwrap_angles
 from torch_activegp.data.local_polynomial import local_motion, local_slope
 from torch_activegp.diagnosis.coupling import coupling
+from torch_activegp.diagnosis.glitches import bridged, glitches, in_words
 from torch_activegp.errors import DataError
 
 Array = NDArray[np.float64]
@@ -92,7 +93,7 @@ class Run:
         label: name for people.
         time: ``(K + 1,)``, s.
         position: recorded positions ``(K + 1, C)``; interpolated where no row was recorded.
-        recorded: whether a row was recorded, ``(K + 1,)``.
+        recorded: whether a row was recorded, and is no glitch, ``(K + 1,)``.
         velocity: slopes of local polynomials, ``(K + 1, C)``, rad/s or m/s.
         smooth: positions freed of noise along these slopes, ``(K + 1, C)``.
         control: held from each row to the next, within the actuators' limits, ``(K, nu)``.
@@ -101,6 +102,7 @@ class Run:
         prescribed: the same of the P prescribed joints; None where they stay where a simulation starts.
         coupling: how far a displacement of one of them moves each channel, ``(C, P)``.
         video: whether the errors of the positions last, as those of a video do.
+        notes: which of its rows were left out, in words.
     """
 
     label: str
@@ -115,6 +117,7 @@ class Run:
     prescribed: Run | None = None
     coupling: Array | None = None
     video: bool = False
+    notes: tuple[str, ...] = ()
 
     @property
     def dt(self) -> Array:
@@ -130,7 +133,7 @@ def make_run(recording: Recording, model: mujoco.MjModel, channels: Channels) ->
 
     The motion of prescribed joints is followed more closely than that of the others, which only guides first guesses. A
     dropped row (a step of more than 1.5 median steps) is filled with rows that hold the control and count for
-    nothing.
+    nothing; so do rows in which a position is a glitch.
 
     Raises:
         DataError: too short, or an external force on a joint that the model does not have.
@@ -171,10 +174,13 @@ def _laid(recording: Recording, model: mujoco.MjModel, channels: Channels, smoot
         if column.startswith("qfrc."):
             force[:, _dof(model, recording.label, column)] = recording[column].numpy()
     noise = np.array([noise_std(torch.from_numpy(signal.copy()), recording.time) for signal in position.T])
+    lost = glitches(time, position, noise)
+    position = bridged(time, position, lost)
     slopes, values = zip(
         *(smooth(time, signal, sigma) for signal, sigma in zip(position.T, noise, strict=True)), strict=True
     )
     index, clock = _filled(time)
+    index[index] = ~lost.any(axis=1)
     held = np.minimum(np.searchsorted(time, clock + 1e-12, side="right") - 1, len(time) - 1)
     return Run(
         label=recording.label,
@@ -187,6 +193,7 @@ def _laid(recording: Recording, model: mujoco.MjModel, channels: Channels, smoot
         force=force[held[:-1]],
         noise=noise,
         video=recording.video,
+        notes=in_words(time, lost, channels.joints),
     )
 
 

@@ -10,7 +10,8 @@ import numpy as np
 from scipy.signal import lfilter
 
 from torch_activegp.physics.actuator import ActuatorEffect
-from torch_activegp.physics.effect import Acting, Array, Parameter, Place
+from torch_activegp.physics.effect import Acting, Array, Parameter
+from torch_activegp.physics.place import Place
 
 
 def _proportional(actuator: mujoco.MjsActuator) -> bool:

@@ -9,7 +9,8 @@ from typing import Self
 import mujoco
 import numpy as np
 
-from torch_activegp.physics.effect import Effect, Parameter, Place, element
+from torch_activegp.physics.effect import Effect, Parameter, element
+from torch_activegp.physics.place import Place
 
 
 @dataclasses.dataclass(frozen=True, eq=False)

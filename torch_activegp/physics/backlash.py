@@ -10,8 +10,9 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
-from torch_activegp.physics.effect import Array, Effect, Index, Parameter, Place, Step
+from torch_activegp.physics.effect import Array, Effect, Index, Parameter, Step
 from torch_activegp.physics.joint import drivers
+from torch_activegp.physics.place import Place
 from torch_activegp.physics.rotor import Motion, Past, add_rotor, carried
 
 _LIGHTEST, _LEAST = 0.01, 1e-9

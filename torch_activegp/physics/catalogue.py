@@ -13,11 +13,12 @@ from torch_activegp.errors import ConfigurationError
 from torch_activegp.physics.actuation import ACTUATION
 from torch_activegp.physics.actuator import ActuatorEffect
 from torch_activegp.physics.backlash import BACKLASH
-from torch_activegp.physics.effect import Array, Effect, Place
+from torch_activegp.physics.effect import Array, Effect
 from torch_activegp.physics.friction import FRICTION
 from torch_activegp.physics.inertia import ArmatureError, CenterOfMassOffset, GravityError, pulls_of_gravity
 from torch_activegp.physics.joint import JointEffect
 from torch_activegp.physics.payload import DensityError, PayloadAlong, PayloadAside, PayloadMass
+from torch_activegp.physics.place import Place
 from torch_activegp.physics.play import MEMORY
 from torch_activegp.physics.sensing import SENSING, SensorEffect
 from torch_activegp.physics.soft_friction import SoftCoulombFriction
@@ -56,7 +57,8 @@ def catalogue(
         ConfigurationError: a further class is of another kind, its name is on the list already, or its ``at`` does not
             take a place and a model or returns something else.
     """
-    effects: list[Effect] = [kind.at(place, model) for place in joints for kind in JOINT_EFFECTS]
+    pairs = ((place, kind) for place in joints for kind in JOINT_EFFECTS)
+    effects: list[Effect] = [kind.at(at, model) for at, kind in pairs if at.reverses or not kind.needs_reversal]
     effects += [SoftCoulombFriction.at(place, model) for place in joints]
     effects += [kind.at(place, model) for place in joints for kind in BACKLASH if kind.fits(place, model)]
     effects += [kind.at(place, model) for place in actuators for kind in ACTUATION]

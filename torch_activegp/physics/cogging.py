@@ -10,8 +10,9 @@ import mujoco
 import numpy as np
 from scipy import ndimage, signal
 
-from torch_activegp.physics.effect import Array, Effect, Parameter, Place
+from torch_activegp.physics.effect import Array, Effect, Parameter
 from torch_activegp.physics.joint import JointEffect
+from torch_activegp.physics.place import Place
 
 _SMALL = 0.05
 _PERIODS = (1, 2, 3, 4, 5, 6, 7, 8, 10, 12, 16, 24, 36, 48, 72, 96)

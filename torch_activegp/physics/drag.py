@@ -8,8 +8,9 @@ from typing import Self
 import mujoco
 import numpy as np
 
-from torch_activegp.physics.effect import Array, Index, Parameter, Place, Step
+from torch_activegp.physics.effect import Array, Index, Parameter, Step
 from torch_activegp.physics.joint import JointEffect
+from torch_activegp.physics.place import Place
 
 _SMALL = 0.05
 
@@ -82,6 +83,7 @@ class AsymmetricFriction(JointEffect):
     name = "asymmetric_friction"
     law = "-c+ v for v > 0, -c- v for v < 0"
     losses = frozenset({"positive", "negative"})
+    needs_reversal = True
     covers = ("viscous_friction",)
 
     @classmethod

@@ -10,6 +10,8 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
+from torch_activegp.physics.place import Place
+
 Array = NDArray[np.float64]
 Index = NDArray[np.integer[Any]]
 
@@ -127,6 +129,8 @@ class Effect:
     """Place in which it is written into a model: on a drive, in the chain from its command to its force."""
     needs_past: ClassVar[bool] = False
     """Whether :meth:`memory` takes, as its fourth, the :class:`~torch_activegp.physics.rotor.Past`."""
+    needs_reversal: ClassVar[bool] = False
+    """Whether a joint must turn back to show it: else a spring, a force or a friction says the same."""
     losses: ClassVar[frozenset[str]] = frozenset()
     """Described amplitudes of what a machine has or has not: where all are negative, the simulator has too much."""
 
@@ -242,44 +246,6 @@ class Effect:
         """Whether values ``(P,)`` say that the simulator has too much of this, rather than too little."""
         amplitudes = [value for name, value in self.describe(values).items() if name in self.losses]
         return bool(amplitudes) and max(amplitudes) < 0.0
-
-
-@dataclasses.dataclass(frozen=True)
-class Place:
-    """A part of the machine that effects are made for, with the size of what happens there.
-
-    Args:
-        target: name as in :class:`Effect`.
-        index: degree of freedom, actuator or body in the model; -1 for the world.
-        position_unit: ``rad`` or ``m``.
-        force_unit: ``N m`` or ``N``.
-        position: range of the recorded positions, ``(low, high)``.
-        speed: root mean square velocity.
-        top_speed: 99th percentile of the absolute velocity.
-        force: root mean square generalised force of inertia.
-        control: largest absolute control.
-        dt: time between samples, s.
-        qpos: address of the position.
-        loss: the model's own ``frictionloss`` there.
-    """
-
-    target: str
-    index: int
-    position_unit: str = "rad"
-    force_unit: str = "N m"
-    position: tuple[float, float] = (-1.0, 1.0)
-    speed: float = 1.0
-    top_speed: float = 2.0
-    force: float = 1.0
-    control: float = 1.0
-    dt: float = 0.01
-    qpos: int = 0
-    loss: float = 0.0
-
-    @property
-    def item(self) -> str:
-        """The model's own name."""
-        return self.target.partition(":")[2]
 
 
 def field_of(model: mujoco.MjModel, name: str) -> Any:

@@ -10,8 +10,9 @@ import mujoco
 import numpy as np
 
 from torch_activegp.physics.drag import AsymmetricFriction, QuadraticDrag, ViscousFriction
-from torch_activegp.physics.effect import Acting, Array, Effect, Index, Parameter, Place, Step
+from torch_activegp.physics.effect import Acting, Array, Effect, Index, Parameter, Step
 from torch_activegp.physics.joint import WITH_ITS_INERTIA, JointEffect
+from torch_activegp.physics.place import Place
 
 _SMALL = 0.05
 SHARP = 2.0
@@ -173,6 +174,7 @@ class AsymmetricCoulomb(DryFriction):
     name = "asymmetric_friction"
     law = "-F+ for v > 0, +F- for v < 0, with sticking"
     losses = frozenset({"positive_level", "negative_level"})
+    needs_reversal = True
     covers = ("coulomb_friction",)
 
     @classmethod

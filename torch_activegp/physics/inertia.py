@@ -10,8 +10,9 @@ import mujoco
 import numpy as np
 
 from torch_activegp.physics.body import AXES, BodyEffect
-from torch_activegp.physics.effect import Array, Effect, Index, Parameter, Place
+from torch_activegp.physics.effect import Array, Effect, Index, Parameter
 from torch_activegp.physics.joint import JointEffect, driven
+from torch_activegp.physics.place import Place
 from torch_activegp.physics.rotor import add_rotor
 
 

@@ -9,7 +9,8 @@ from typing import Any, Self
 import mujoco
 import numpy as np
 
-from torch_activegp.physics.effect import Array, Effect, Index, Parameter, Place, Step, element
+from torch_activegp.physics.effect import Array, Effect, Index, Parameter, Step, element
+from torch_activegp.physics.place import Place
 
 WITH_ITS_INERTIA = 7
 """Order of what is written for the inertia that the joint has by then, after all that changes it."""

@@ -11,7 +11,8 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from torch_activegp.physics.body import AXES, BodyEffect
-from torch_activegp.physics.effect import Array, Effect, Index, Parameter, Place
+from torch_activegp.physics.effect import Array, Effect, Index, Parameter
+from torch_activegp.physics.place import Place
 
 _HEAVIEST = 4.0
 """A body's own mass may be wrong by so much of it; more is a load."""

@@ -7,8 +7,9 @@ from typing import Self
 import mujoco
 import numpy as np
 
-from torch_activegp.physics.effect import Array, Effect, Index, Parameter, Place, Step
+from torch_activegp.physics.effect import Array, Effect, Index, Parameter, Step
 from torch_activegp.physics.joint import JointEffect
+from torch_activegp.physics.place import Place
 
 _SMALL = 0.05
 
@@ -18,6 +19,7 @@ class Hysteresis(JointEffect):
 
     name = "hysteresis"
     never_negative = frozenset({"stiffness", "slip"})
+    needs_reversal = True
     law = "-k z, z follows q and slips at +-s"
 
     @classmethod

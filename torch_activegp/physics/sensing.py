@@ -9,7 +9,8 @@ from typing import Self
 import mujoco
 import numpy as np
 
-from torch_activegp.physics.effect import Array, Effect, Parameter, Place
+from torch_activegp.physics.effect import Array, Effect, Parameter
+from torch_activegp.physics.place import Place
 
 MAX_DELAY = 0.1
 """Longest sensor delay that is tried, s."""

@@ -9,8 +9,9 @@ from typing import Self
 import mujoco
 import numpy as np
 
-from torch_activegp.physics.effect import Array, Index, Place
+from torch_activegp.physics.effect import Array, Index
 from torch_activegp.physics.friction import CoulombFriction
+from torch_activegp.physics.place import Place
 
 SOFT = "soft"
 

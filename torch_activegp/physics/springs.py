@@ -10,8 +10,9 @@ import mujoco
 import numpy as np
 
 from torch_activegp.physics.cogging import Cogging
-from torch_activegp.physics.effect import Array, Effect, Index, Parameter, Place
+from torch_activegp.physics.effect import Array, Effect, Index, Parameter
 from torch_activegp.physics.joint import JointEffect, driven
+from torch_activegp.physics.place import Place
 from torch_activegp.physics.stops import JointStop, LowerJointStop
 
 _SMALL = 0.05

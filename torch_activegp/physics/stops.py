@@ -9,8 +9,9 @@ from typing import ClassVar, Self
 import mujoco
 import numpy as np
 
-from torch_activegp.physics.effect import Acting, Array, Parameter, Place
+from torch_activegp.physics.effect import Acting, Array, Parameter
 from torch_activegp.physics.joint import WITH_ITS_INERTIA, JointEffect
+from torch_activegp.physics.place import Place
 
 _STOP_PLACES, _HARDEST = 12, 0.0024
 """From so little of the recorded range: a hard stop that was struck twice gave way by 1 mm of 1 m."""
