@@ -2,6 +2,7 @@ from __future__ import annotations
 
 import dataclasses
 
+import mujoco
 import numpy as np
 import pytest
 
@@ -69,3 +70,20 @@ def test_a_rival_is_judged_by_what_no_initial_state_takes_away(clean, forms) -> 
     assert 0.0 < rival.left < float((white**2).sum())
     moved = dataclasses.replace(fit, starts=fit.starts + 1e-4)
     assert Rival.at(clean.shooting, forms[-1], moved).left == pytest.approx(rival.left, rel=0.01)
+
+
+@pytest.mark.parametrize(("away", "close"), [(0.0, True), (0.001, True), (0.5, False)])
+def test_a_correction_must_hold_where_the_recordings_begin_too(clean, forms, monkeypatch, away, close) -> None:
+    many = forms[-1]
+    model = mujoco.MjModel.from_xml_string(clean.xml.replace("RK4", "Euler"))
+    cheap = Engine(model, clean.engine.channels, 1, 1)
+    precise = dataclasses.replace(clean.shooting, engine=many)
+    fit = precise.fit([((), ())], clean.nominal.starts)[0]
+    working = dataclasses.replace(precise, engine=cheap).corrected(many, fit)
+    monkeypatch.setattr(cheap, "starts", lambda segments: fit.starts + away)
+    error = agreement.drift(working, precise, fit) / working.dof
+    assert (error < 0.01) == close
+    assert agreement.is_close(working, fit, many) == close
+    assert away or error == 0.0
+    far = dataclasses.replace(fit, chi2=1e9 * working.dof)  # beside what is missing it does not count
+    assert agreement.is_close(working, far, many)

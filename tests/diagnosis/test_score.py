@@ -61,3 +61,11 @@ def test_every_name_must_be_surer_where_what_is_left_may_be_a_colour_that_nobody
     unseen = dataclasses.replace(seen, hides_colour=True)
     assert unseen.price(effects) == pytest.approx(seen.price(effects) + 2 * more)
     assert unseen.cheapest == pytest.approx(seen.cheapest + more)
+
+
+def test_corrections_that_all_have_cost_nothing(bench) -> None:
+    wet, dear = bench.effect("viscous_friction"), bench.effect("cubic_spring")
+    score = Score(1000, 60, 1.0, free=frozenset({wet.key}))
+    whole = dataclasses.replace(score, corrected=True)
+    assert score.price([wet, dear]) == pytest.approx(score.price([dear]) + score.a_parameter)
+    assert whole.price([wet, dear]) == whole.price([dear]) == score.price([dear])

@@ -10,20 +10,15 @@ from torch_activegp.data import Recording
 from torch_activegp.diagnosis import selection as module
 from torch_activegp.diagnosis.compared import Selection
 from torch_activegp.diagnosis.fit import Fit
-from torch_activegp.diagnosis.heats import Heat
 from torch_activegp.diagnosis.linearize import linearize
 from torch_activegp.diagnosis.machine import make_machine
 from torch_activegp.diagnosis.noise_model import NoiseModel
 from torch_activegp.diagnosis.score import Score
-from torch_activegp.diagnosis.screening import screen
 from torch_activegp.diagnosis.segments import cut
 from torch_activegp.diagnosis.selection import (
     Depth,
-    _be_fair,
-    _expand,
     _only_undoes,
     _seems_tuned,
-    _simplify,
     search,
     select,
 )
@@ -58,50 +53,9 @@ def test_nothing_is_chosen_where_nothing_is_missing(clean) -> None:
     assert chosen.best.effects == ()
 
 
-@pytest.mark.parametrize(("much", "best"), [(1.0, ()), (0.0, ("viscous_friction",))])
-def test_what_other_initial_states_alone_would_gain_is_no_effect(clean, monkeypatch, much, best) -> None:
-    """The nominal's fit ended short of its optimum by more than a name costs; what gains much is not asked about."""
-    monkeypatch.setattr(module, "_SOME", much)
-    short = clean.nominal.starts.copy()
-    short[3] += 0.002
-    nominal = clean.shooting.fit([((), ())], short, rounds=0)[0]
-    chosen = Selection(nominal, [nominal], Score(clean.shooting.samples, 5, 1.0))
-    chosen.add([clean.fit("viscous_friction", 0.001)])
-    assert chosen.best.effects
-    _be_fair(chosen, clean.shooting)
-    assert tuple(effect.name for effect in chosen.best.effects) == best
-    assert chosen.nominal in chosen.fits
-    assert (chosen.nominal is nominal) is bool(best)
-    if not best:
-        assert chosen.nominal.chi2 == pytest.approx(clean.nominal.chi2, abs=1.0)
-
-
-def test_a_name_less_is_fitted_again_from_the_states_of_a_best_set_that_gains_little(bench) -> None:
-    """What a second name gains on an impact, other states may gain alone."""
-    one, other = bench.effect("viscous_friction"), bench.effect("quadratic_drag")
-    good = bench.fit("viscous_friction", bench.viscous)
-    stuck = good.starts.copy()
-    stuck[3] += 0.00078
-    short = bench.shooting.fit([((one,), good.values)], stuck, rounds=0, hold=True)[0]
-    both = bench.shooting.fit([((one, other), (*good.values, np.array([0.0])))], good.starts)[0]
-    chosen = Selection(bench.nominal, [bench.nominal, short, both], Score(bench.shooting.samples, 5, 1.0))
-    gain = short.chi2 - both.chi2
-    assert 14.0 < gain < 0.05 * bench.shooting.dof
-    assert chosen.best is both
-    _be_fair(chosen, bench.shooting)
-    assert chosen.best.effects == (one,)
-    assert chosen.best.chi2 < both.chi2 + 5.0
-    assert chosen.of((other,)) is None  # what was not compared is not now
-    once = Selection(bench.nominal, [bench.nominal, short, both], Score(bench.shooting.samples, 5, 1.0), beside=both)
-    work = bench.shooting.work
-    _be_fair(once, bench.shooting)
-    assert bench.shooting.work == work
-    assert once.best is both
-
-
 def test_whatever_becomes_the_best_is_compared_fairly(bench, monkeypatch) -> None:
     asked = []
-    monkeypatch.setattr(module, "_be_fair", lambda selection, _: asked.append(selection.best.keys))
+    monkeypatch.setattr(module, "be_fair", lambda selection, _: asked.append(selection.best.keys))
     assert select(bench.shooting, [bench.effect(name) for name in NAMES], bench.nominal).best.keys in asked
 
 
@@ -274,7 +228,7 @@ def test_of_the_best_two_sets_the_second_is_not_developed_after_that(bench, monk
         seen.append(fit)
         monkeypatch.setattr(shooting.engine, "work", shooting.engine.work + much)
 
-    monkeypatch.setattr("torch_activegp.diagnosis.selection._expand", expand)
+    monkeypatch.setattr("torch_activegp.diagnosis.selection.expand", expand)
     monkeypatch.setattr(Selection, "may_pay", lambda *_: True)
     wet = bench.fit("viscous_friction", 0.05)
     near = dataclasses.replace(bench.fit("quadratic_drag", 0.05), chi2=wet.chi2 + 1.0)
@@ -296,7 +250,7 @@ def test_what_costs_more_than_a_best_that_leaves_noise_alone_is_not_developed(
     monkeypatch.setattr(Selection, "rescale", lambda *_: None)
     monkeypatch.setattr(Selection, "may_pay", lambda *_: True)
     seen = []
-    monkeypatch.setattr("torch_activegp.diagnosis.selection._expand", lambda *args: seen.append(args[3]))
+    monkeypatch.setattr("torch_activegp.diagnosis.selection.expand", lambda *args: seen.append(args[3]))
     search(selection, bench.shooting, [], {frozenset(wet.effects)}, lambda words: None, Depth(swaps=0))
     assert len([fit for fit in seen if fit is more]) == developed
 
@@ -305,37 +259,11 @@ def test_what_cannot_pay_is_not_developed(bench, monkeypatch) -> None:
     wet = bench.fit("viscous_friction", 0.05)
     selection = Selection(bench.nominal, [bench.nominal, wet], Score(bench.shooting.samples, 60, 1.0))
     seen: list[Fit] = []
-    monkeypatch.setattr("torch_activegp.diagnosis.selection._expand", lambda *args: seen.append(args[3]))
+    monkeypatch.setattr("torch_activegp.diagnosis.selection.expand", lambda *args: seen.append(args[3]))
     for pays in (False, True):
         monkeypatch.setattr(Selection, "may_pay", lambda *_, pays=pays: pays)
         search(selection, bench.shooting, [], set(), lambda words: None, Depth(rounds=2, swaps=0))
         assert [fit is wet for fit in seen] == [True] * pays
-
-
-def test_gains_on_a_part_of_the_data_are_told_as_on_all_where_sets_are_proposed(bench, monkeypatch) -> None:
-    fit, told = bench.fit("constant_force", 0.01), []
-    part, which = bench.shooting.subset(0.5, fit.per_segment)
-    monkeypatch.setattr("torch_activegp.diagnosis.selection.seen_on", lambda *_: (part, fit.pick(which)))
-    monkeypatch.setattr("torch_activegp.diagnosis.selection._proposals", lambda *args: told.append(args[2]) or [])
-    selection = Selection(bench.nominal, [bench.nominal, fit], Score(bench.shooting.samples, 60, 1.0))
-    wet = bench.effect("viscous_friction")
-    _expand(selection, bench.shooting, [wet], fit)
-    (atom,) = screen(part, fit.pick(which), [wet]).best()
-    assert told[0].best()[0].gain == pytest.approx(atom.gain * bench.segments.size / part.segments.size)
-
-
-def test_sets_are_fitted_to_all_data_from_the_states_found_on_a_part(bench, monkeypatch) -> None:
-    fit, begun = bench.fit("constant_force", 0.01), []
-    starts = np.stack([fit.starts + 0.1 * i for i in range(2)])
-    some = [((bench.effect(name),), (np.array([0.02]),)) for name in ("viscous_friction", "quadratic_drag")]
-    monkeypatch.setattr("torch_activegp.diagnosis.selection.heat", lambda *_: Heat(some, starts))
-    monkeypatch.setattr(Shooting, "fit", lambda self, sets, begin, *_, **__: begun.append(begin) or [])
-    selection = Selection(bench.nominal, [bench.nominal, fit], Score(bench.shooting.samples, 60, 1.0))
-    _expand(selection, bench.shooting, [bench.effect("viscous_friction")], fit)
-    _simplify(selection, bench.shooting, bench.effects)
-    assert len(begun) == 3  # what is better, what is simpler, and other forms of parts
-    for begin in begun:
-        np.testing.assert_array_equal(begin, starts)
 
 
 @pytest.mark.parametrize("tuned", [True, False])

@@ -68,3 +68,19 @@ def test_waves_are_so_far_apart_that_the_range_tells_them(bench: Any, second: fl
     assert one.plausible(first)
     assert one.family()[1].plausible(one.once_more(first, np.array([0.1, 0.1, second]))[1]) == told
     assert one.family()[1].parameters[-1].low == pytest.approx(3 * 2 * np.pi / 4)
+
+
+@pytest.mark.parametrize(("seen", "whole"), [(22.8, [22.0, 23.0]), (23.0, []), (0.6, [1.0])])
+def test_whole_numbers_of_periods_a_turn_are_tried_beside(bench, seen: float, whole: list[float]) -> None:
+    effect = Cogging.at(bench.shoulder, bench.model)
+    beside = effect.starts_beside(np.array([0.1, 0.2, seen]))
+    assert [values[2] for values in beside if values[2] >= 1.0] == [n for n in whole if n >= effect.parameters[2].low]
+    assert all(np.array_equal(values[:2], [0.1, 0.2]) for values in beside)
+
+
+def test_on_a_slide_and_for_several_waves_no_number_is_whole(bench) -> None:
+    slide = Cogging.at(dataclasses.replace(bench.shoulder, position_unit="m"), bench.model)
+    assert slide.starts_beside(np.array([0.1, 0.2, 22.8])) == []
+    two = Cogging.at(bench.shoulder, bench.model).more
+    assert two is not None
+    assert two.starts_beside(np.array([0.1, 0.2, 0.1, 0.2, 5.5, 9.5])) == []

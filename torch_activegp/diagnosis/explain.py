@@ -11,6 +11,7 @@ from torch_activegp.diagnosis.blackbox_engine import GivenNumerics
 from torch_activegp.diagnosis.brief_pieces import closest
 from torch_activegp.diagnosis.checkpoint import Checkpoint
 from torch_activegp.diagnosis.compared import Selection
+from torch_activegp.diagnosis.corrections import correct_alike
 from torch_activegp.diagnosis.engine import Engine
 from torch_activegp.diagnosis.first_names import Naming, besides, in_brief_pieces, is_of, leaders, on_a_part
 from torch_activegp.diagnosis.fit import Fit
@@ -224,6 +225,7 @@ def _finish(
         if weak is selection:
             break
         selection = weak
+    correct_alike(selection, shooting, effects)
     polish(shooting, selection, effects)
     fine, firm = engine is not numerics.given, numerics.sticks(engine)
     return Explanation(engine, shooting, selection, tuple(effects), fine, firm)

@@ -14,8 +14,8 @@ from torch_activegp.diagnosis.elimination import eliminate, scaled
 from torch_activegp.diagnosis.fit import Fit
 from torch_activegp.diagnosis.intervals import is_certain
 from torch_activegp.diagnosis.noise_left import recoloured
+from torch_activegp.diagnosis.prospects import MAX_EFFECTS
 from torch_activegp.diagnosis.reference import free_force_columns
-from torch_activegp.diagnosis.selection import MAX_EFFECTS
 from torch_activegp.diagnosis.shooting import Shooting
 from torch_activegp.diagnosis.ties import swapped, ties_of
 from torch_activegp.diagnosis.tuning import only_undoes

@@ -9,6 +9,7 @@ from torch_activegp.diagnosis.fit import Fit
 from torch_activegp.diagnosis.shooting import Shooting
 from torch_activegp.physics.effect import Effect
 
+MAX_EFFECTS = 4
 _HOPELESS = 0.5
 NOISE_ALONE = 1.1
 """What is left per degree of freedom where little but noise is: forms of a model and floors are off by some percent."""

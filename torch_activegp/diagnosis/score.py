@@ -41,6 +41,7 @@ class Score:
         free: (name, target) pairs of what seems to be tuned already: they are no names, and cost their parameters.
         hides_colour: whether noise may be filtered and nobody sees it, :attr:`Shooting.hides_colour`.
         material: part of the mismatch that a name must explain.
+        corrected: whether all that compete have all of `free` that there is: it costs nothing then.
 
     Reference: Chen, Chen, *Extended Bayesian Information Criteria for Model Selection with Large Model Spaces*,
     Biometrika 95 (2008).
@@ -53,6 +54,7 @@ class Score:
     free: frozenset[tuple[str, str]] = frozenset()
     hides_colour: bool = False
     material: float = MATERIAL
+    corrected: bool = False
 
     def __call__(self, fit: Fit) -> float:
         """Extended BIC; smaller is better."""
@@ -95,7 +97,8 @@ class Score:
         named = [effect for effect in effects if effect.key not in self.free]
         parameters = sum(1 if effect.vector else len(effect.parameters) for effect in named)
         nuisances = sum(len(effect.parameters) for effect in effects) - parameters
-        return parameters * max(self.a_parameter, least) + nuisances * self.a_parameter + len(named) * self.a_name
+        of_nuisances = 0.0 if self.corrected else nuisances * self.a_parameter
+        return parameters * max(self.a_parameter, least) + of_nuisances + len(named) * self.a_name
 
     @property
     def cheapest(self) -> float:

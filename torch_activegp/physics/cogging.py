@@ -31,6 +31,7 @@ _PADDING = 4
 _TREND = 9
 """Resolved numbers of periods over which the median is the trend."""
 _PEAKS = 3
+_WHOLE = 1e-3
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
@@ -116,6 +117,18 @@ class Cogging(JointEffect):
             peaks = peaks[inside[peaks]]
             found += [float(periods[p]) for p in peaks[np.argsort(-height[peaks], kind="stable")][:_PEAKS]]
         return np.array([[*seed[:first], n] for n in dict.fromkeys(found)]).reshape(-1, len(seed))
+
+    def starts_beside(self, values: Array) -> list[Array]:
+        """The same with the whole numbers of periods a turn on both sides: a motor has no other.
+
+        Waves that differ by one over the range look alike, so that a fit may end at another number: at 22.8 for 23.
+        """
+        first = self.linear
+        if first > 2 or self.parameters[first].unit != "1/turn":
+            return []
+        near = np.unique([np.floor(values[first]), np.ceil(values[first])])
+        whole = near[(near >= self.parameters[first].low) & (np.abs(near - values[first]) > _WHOLE)]
+        return [np.array([*values[:first], periods]) for periods in whole]
 
     def force(self, position: Array, velocity: Array, values: Sequence[Array] | Array) -> Array:
         """The law; see :meth:`JointEffect.force`."""

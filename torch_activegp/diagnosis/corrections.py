@@ -1,0 +1,84 @@
+"""Rival names behind a tuned nominal, each beside the same corrections of it."""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Collection, Sequence
+
+import numpy as np
+
+from torch_activegp.diagnosis.compared import Selection, compare, fitted
+from torch_activegp.diagnosis.fit import Fit
+from torch_activegp.diagnosis.proposals import Set
+from torch_activegp.diagnosis.screening import screen
+from torch_activegp.diagnosis.shooting import Shooting
+from torch_activegp.diagnosis.tuning import only_undoes
+from torch_activegp.physics.actuator import ActuatorEffect
+from torch_activegp.physics.effect import Effect
+
+_MOST = 5
+_FAR = 30.0
+"""Score by which rivals may be behind: about what four corrections cost."""
+
+
+def correct_alike(selection: Selection, shooting: Shooting, effects: Sequence[Effect]) -> None:
+    """Fits the best names beside all that a modeller tunes at their joints; from then on corrections cost nothing.
+
+    Whoever tunes a nominal moves all of its numbers. A name for which two of them were enough was taken for a better
+    one than the true name with four: a sensor's gain for a spring, though the spring left less.
+
+    Args:
+        selection: sets behind a nominal that seems to be tuned; unchanged where it does not, or where the corrections
+            would be more than that.
+        shooting: the likelihood.
+        effects: what is tried.
+    """
+    free = selection.score.free
+    if not free or selection.cut_short:
+        return
+    rivals = _rivals(selection)
+    joints = {_joint(effect) for fit in rivals for effect in fit.effects}
+    tunable = [effect for effect in effects if effect.key in free and _joint(effect) in joints]
+    screened = screen(shooting, selection.nominal, tunable)
+    corrections = [atom.effect for atom in screened.independent(screened.best())]
+    other = dataclasses.replace(selection, fits=list(selection.fits))
+    compare(shooting, other, [_beside(fit, corrections, free) for fit in rivals], selection.best)
+    other.score = dataclasses.replace(other.score, corrected=True)
+    if _only_corrects(other, shooting):
+        selection.fits, selection.score = other.fits, other.score
+
+
+def _rivals(selection: Selection) -> list[Fit]:
+    """The best sets of different names, each with the corrections that it has so far."""
+    far = selection.score(selection.best) + _FAR
+    found: dict[frozenset[tuple[str, str]], Fit] = {}
+    for fit in selection.ranked():
+        named = frozenset(effect.key for effect in fit.effects if effect.key not in selection.score.free)
+        if named and selection.score(fit) < far and len(found) < _MOST:
+            found.setdefault(named, fit)
+    return list(found.values())
+
+
+def _beside(fit: Fit, corrections: Sequence[Effect], free: Collection[tuple[str, str]]) -> Set:
+    """The names of a set beside some corrections, which begin where they are in it."""
+    values = fit.by_effect
+    pairs = [(effect, there) for effect, there in values.items() if effect.key not in free]
+    taken = {effect.key for effect, _ in pairs} | {(name, e.target) for e, _ in pairs for name in e.covers}
+    pairs += [(e, values.get(e, np.zeros(len(e.parameters)))) for e in corrections if e.key not in taken]
+    return tuple(effect for effect, _ in pairs), tuple(there for _, there in pairs)
+
+
+def _only_corrects(selection: Selection, shooting: Shooting) -> bool:
+    """Whether the corrections of the best set do no more than undo a tuning."""
+    best, free = selection.best, selection.score.free
+    alone, others = ([e for e in best.effects if (e.key in free) is there] for there in (True, False))
+    if not alone or not others:
+        return False
+    tuned, without = (fitted(shooting, selection, some) for some in (alone, others))
+    return only_undoes(selection.nominal, tuned, without, best)
+
+
+def _joint(effect: Effect) -> str:
+    """The joint that an effect acts on, or its own target where there is no single one."""
+    driven = effect.drives if isinstance(effect, ActuatorEffect) else ""
+    return (driven or effect.target).replace("sensor:", "joint:")
