@@ -124,7 +124,7 @@ def test_dry_friction_of_two_directions_and_of_two_speeds() -> None:
 
 
 def test_a_slider_follows_and_slips() -> None:
-    states = Bench(still, seconds=0.5).go([np.sin(0.0), 1.0], ("hysteresis", [2.0, 0.05]))
+    states = Bench(still).go([np.sin(0.0), 1.0], ("hysteresis", [2.0, 0.05]))
     gone = states[:, 0] > 0.06
     slowing = np.diff(states[:, 1])[gone[:-1]] * RATE
     np.testing.assert_allclose(slowing, -2.0 * 0.05, rtol=1e-3)
