@@ -92,7 +92,7 @@ def test_a_colour_is_unseen_in_slow_recordings_unless_it_was_found(bench, dt, co
 
 
 def test_a_tuning_that_a_smaller_set_beats_is_none(bench, monkeypatch) -> None:
-    monkeypatch.setattr(module, "only_undoes", lambda *_: True)
+    monkeypatch.setattr("torch_activegp.diagnosis.tuning.only_undoes", lambda *_: True)
     fit = bench.fit("viscous_friction", 0.05)
     pair = (bench.effect("cubic_spring"), bench.effect("viscous_friction"))
     best = dataclasses.replace(fit, effects=pair, values=(np.ones(1), fit.values[0]), chi2=fit.chi2 - 100.0)

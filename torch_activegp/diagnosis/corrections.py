@@ -7,12 +7,12 @@ from collections.abc import Collection, Sequence
 
 import numpy as np
 
-from torch_activegp.diagnosis.compared import Selection, compare, fitted
+from torch_activegp.diagnosis.compared import Selection, compare
 from torch_activegp.diagnosis.fit import Fit
 from torch_activegp.diagnosis.proposals import Set
 from torch_activegp.diagnosis.screening import screen
 from torch_activegp.diagnosis.shooting import Shooting
-from torch_activegp.diagnosis.tuning import only_undoes
+from torch_activegp.diagnosis.tuning import is_a_tuning
 from torch_activegp.physics.actuator import ActuatorEffect
 from torch_activegp.physics.effect import Effect
 
@@ -72,10 +72,7 @@ def _only_corrects(selection: Selection, shooting: Shooting) -> bool:
     """Whether the corrections of the best set do no more than undo a tuning."""
     best, free = selection.best, selection.score.free
     alone, others = ([e for e in best.effects if (e.key in free) is there] for there in (True, False))
-    if not alone or not others:
-        return False
-    tuned, without = (fitted(shooting, selection, some) for some in (alone, others))
-    return only_undoes(selection.nominal, tuned, without, best)
+    return bool(alone and others) and is_a_tuning(shooting, selection, alone, others)
 
 
 def _joint(effect: Effect) -> str:

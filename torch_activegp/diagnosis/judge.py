@@ -18,7 +18,7 @@ from torch_activegp.diagnosis.prospects import MAX_EFFECTS
 from torch_activegp.diagnosis.reference import free_force_columns
 from torch_activegp.diagnosis.shooting import Shooting
 from torch_activegp.diagnosis.ties import swapped, ties_of
-from torch_activegp.diagnosis.tuning import only_undoes
+from torch_activegp.diagnosis.tuning import is_a_tuning
 from torch_activegp.physics.effect import Effect
 
 LEAST_SHARE = 0.002
@@ -218,14 +218,13 @@ def _split(
     A nominal that was tuned on the data sits where damping, gain, rotor and bias, or what cannot be told from them,
     gain nothing by themselves; only together with what is missing do they move back.
     """
-    best, nominal = selection.best, selection.nominal
+    best = selection.best
     names = {e.key for fit, _, _ in rivals for e in fit.effects if e.tunable}
     tunable = [e for e in best.effects if e.tunable or names & set(swapped(rivals, best, e))]
     others = [e for e in best.effects if e not in tunable]
     if not tunable or not others:
         return list(best.effects), ()
-    alone, without = (fitted(shooting, selection, some) for some in (tunable, others))
-    if only_undoes(nominal, alone, without, best, selection.needs_more_than(MAX_EFFECTS)):
+    if is_a_tuning(shooting, selection, tunable, others, selection.needs_more_than(MAX_EFFECTS)):
         return others, tuple(tunable)
     return list(best.effects), ()
 

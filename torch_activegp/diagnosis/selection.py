@@ -8,7 +8,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from torch_activegp.diagnosis.compared import Selection, fitted
+from torch_activegp.diagnosis.compared import Selection
 from torch_activegp.diagnosis.development import be_fair, expand, simplify
 from torch_activegp.diagnosis.fit import Fit
 from torch_activegp.diagnosis.prospects import MAX_EFFECTS, cannot_win, hopeless, is_alike
@@ -17,7 +17,7 @@ from torch_activegp.diagnosis.score import Score
 from torch_activegp.diagnosis.shooting import Shooting
 from torch_activegp.diagnosis.stand_ins import soften, swap, try_tuned, undo
 from torch_activegp.diagnosis.stepwise import one_by_one
-from torch_activegp.diagnosis.tuning import only_undoes
+from torch_activegp.diagnosis.tuning import is_a_tuning
 from torch_activegp.physics.effect import Effect
 
 BEAM = 2
@@ -29,7 +29,7 @@ _AS_WELL = 10.0
 """By so much, in units of what is left and with the price of its parameters, a tuning undone may be worse than a name
 that stands for it."""
 
-Sets = set[frozenset[Effect]]
+Seen = set[frozenset[Effect]]
 
 
 class Depth(NamedTuple):
@@ -82,7 +82,7 @@ def select(
         selection.add([near] if near.effects else [])
         selection.add(shooting.fit(sets, near.starts, near=near))
         selection.rescale(shooting.dof)
-    expanded: Sets = set()
+    expanded: Seen = set()
     search(selection, shooting, effects, expanded, tell, depth)
     found = selection.best
     if not selection.cut_short:
@@ -103,7 +103,7 @@ def search(
     selection: Selection,
     shooting: Shooting,
     effects: Sequence[Effect],
-    expanded: Sets,
+    expanded: Seen,
     tell: Callable[[str], None],
     depth: Depth,
 ) -> None:
@@ -115,7 +115,7 @@ def search(
         expand(selection, shooting, effects, fit, depth.work + _PATIENCE)
 
     resorts = _resorts(selection, shooting, effects, tell, depth.swaps)
-    skipped: Sets = set()
+    skipped: Seen = set()
     for _ in _rounds(selection, shooting, effects, depth):
         beam = _beam(selection, shooting, expanded, skipped)
         if not beam and not next(resorts, False):
@@ -143,7 +143,7 @@ def _rounds(selection: Selection, shooting: Shooting, effects: Sequence[Effect],
         yield number
 
 
-def _beam(selection: Selection, shooting: Shooting, expanded: Sets, skipped: Sets) -> list[Fit]:
+def _beam(selection: Selection, shooting: Shooting, expanded: Seen, skipped: Seen) -> list[Fit]:
     """The best sets that were not developed yet; the nominal, where what was found on a part of the data led astray."""
     known, score = expanded | skipped, selection.score
     fresh = [fit for fit in selection.ranked() if frozenset(fit.effects) not in known]
@@ -153,7 +153,7 @@ def _beam(selection: Selection, shooting: Shooting, expanded: Sets, skipped: Set
     return [selection.nominal] if astray else beam
 
 
-def _is_promising(selection: Selection, shooting: Shooting, fit: Fit, expanded: Sets, skipped: Sets) -> bool:
+def _is_promising(selection: Selection, shooting: Shooting, fit: Fit, expanded: Seen, skipped: Seen) -> bool:
     """Whether one more name may come on top of a set, and make it the best; else the set is skipped from now on."""
     lost = bool(fit.effects) and hopeless(selection, shooting, least=2)
     room = selection.score.names_in(fit.effects) < MAX_EFFECTS and selection.may_pay(fit, shooting.dof)
@@ -203,5 +203,4 @@ def _only_undoes(selection: Selection, shooting: Shooting) -> bool:
         return bool(others)
     if selection.dominated:
         return False
-    alone, without = (fitted(shooting, selection, some) for some in (tunable, others))
-    return only_undoes(selection.nominal, alone, without, best, selection.needs_more_than(MAX_EFFECTS))
+    return is_a_tuning(shooting, selection, tunable, others, selection.needs_more_than(MAX_EFFECTS))

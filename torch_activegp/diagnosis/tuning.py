@@ -4,9 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
+from torch_activegp.diagnosis.compared import Selection, fitted
 from torch_activegp.diagnosis.fit import Fit
 from torch_activegp.diagnosis.proposals import Set, diverse, join, with_values
 from torch_activegp.diagnosis.screening import Atom, Screen
+from torch_activegp.diagnosis.shooting import Shooting
 from torch_activegp.physics.effect import Effect
 
 _MOST = 4
@@ -112,6 +114,14 @@ def paying(screened: Screen, held: Sequence[Atom], tunable: Sequence[Atom], pric
             break
         del near[least]
     return near
+
+
+def is_a_tuning(
+    shooting: Shooting, selection: Selection, tunable: Sequence[Effect], others: Sequence[Effect], needed: bool = False
+) -> bool:
+    """Whether the tunable ones of the best set's effects do no more than undo a tuning: see :func:`only_undoes`."""
+    alone, without = (fitted(shooting, selection, some) for some in (tunable, others))
+    return only_undoes(selection.nominal, alone, without, selection.best, needed)
 
 
 def only_undoes(nominal: Fit, alone: Fit, without: Fit, best: Fit, needed: bool = False) -> bool:
