@@ -18,7 +18,7 @@ def found(signal: torch.Tensor, time: torch.Tensor = TIME, sigma: float = SIGMA)
     return outlying(signal, time, sigma).nonzero().flatten().tolist()
 
 
-@pytest.mark.parametrize("rows", [[0], [200], [399], [57, 58], [20, 90, 91, 300]])
+@pytest.mark.parametrize("rows", [[4], [200], [395], [57, 58], [20, 90, 91, 300]])
 def test_rows_far_from_their_neighbours_are_found_alone(swing: torch.Tensor, rows: list[int]) -> None:
     swing[rows] -= 0.1
     assert found(swing) == rows
@@ -41,8 +41,9 @@ def test_the_clock_counts(generator: torch.Generator) -> None:
 
 @pytest.mark.parametrize("between", [0.0, 0.25, 0.5, 0.75])
 @pytest.mark.parametrize("back", [0.0, 0.6, 1.0])
-def test_an_impact_is_none(swing: torch.Tensor, between: float, back: float) -> None:
-    after = TIME - TIME[200] - between * 0.01
+@pytest.mark.parametrize("row", [0, 1, 2, 3, 5, 200, 394, 396, 397, 398])
+def test_an_impact_is_none(swing: torch.Tensor, between: float, back: float, row: int) -> None:
+    after = TIME - TIME[row] - between * 0.01
     fall = torch.where(after < 0, 8.0 * after, -back * 8.0 * after)
     assert found(fall + swing - torch.sin(6 * TIME)) == []
 
@@ -53,13 +54,13 @@ def test_a_coarse_encoder_has_none() -> None:
 
 
 def test_few_rows_tell_nothing() -> None:
-    spike = torch.zeros(11)
-    spike[5] = 1.0
-    assert found(spike, TIME[:11]) == []
+    spike = torch.zeros(8)
+    spike[4] = 1.0
+    assert found(spike, TIME[:8]) == []
 
 
 def test_long_signals_are_cut_up_without_a_seam(generator: torch.Generator) -> None:
     signal = 1e-3 * torch.randn(9000, generator=generator, dtype=torch.float64)
-    rows = [4094, 4095, 4110, 8192, 8999]
+    rows = [4099, 4100, 4115, 8192, 8990]
     signal[rows] += 1.0
     assert found(signal, torch.arange(9000.0, dtype=torch.float64)) == rows

@@ -36,9 +36,9 @@ def test_every_rival_has_the_same_corrections(bench, selection, monkeypatch) -> 
         return not needed
 
     monkeypatch.setattr("torch_activegp.diagnosis.tuning.only_undoes", listen)
-    free, before = selection.score.free, len(selection.fits)
+    free = selection.score.free
     correct_alike(selection, bench.shooting, bench.effects)
-    whole = [fit for fit in selection.fits[before:] if any(effect.key not in free for effect in fit.effects)]
+    whole = [fit for fit in selection.fits if {key for key in fit.keys if key not in free} and len(fit.effects) > 1]
     named = [{effect.name for effect in fit.effects if effect.key not in free} for fit in whole]
     assert {"quadratic_drag"} in named and {"coulomb_friction"} in named and {"cubic_spring"} in named
     corrections = {frozenset(effect.key for effect in fit.effects if effect.key in free) for fit in whole}

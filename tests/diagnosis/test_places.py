@@ -68,11 +68,33 @@ def test_an_actuator_without_input_has_no_effects_on_a_control(bench, first: boo
     assert {e.target for e in found if e.target.startswith("actuator:")} == {"actuator:drive"}
 
 
-def test_what_needs_a_joint_to_turn_back_is_tried_where_one_does(bench) -> None:
+def _names(bench, runs) -> set[str]:
+    return {e.name for e in effects_for(bench.engine.model, bench.engine.channels, runs)}
+
+
+def test_what_needs_a_joint_to_go_both_ways_is_tried_where_it_does(bench) -> None:
     run = bench.machine.fit[0]
-    falling = dataclasses.replace(run, smooth=np.sort(run.smooth, axis=0))
-    wanted = {"hysteresis", "asymmetric_friction"}
-    for runs, there in (([run], wanted), ([falling], set()), ([falling, run], wanted)):
-        names = {e.name for e in effects_for(bench.engine.model, bench.engine.channels, runs)}
+    forward = dataclasses.replace(run, smooth=np.sort(run.smooth, axis=0), velocity=np.abs(run.velocity))
+    back = dataclasses.replace(run, smooth=-forward.smooth, velocity=-forward.velocity)
+    wanted, differs = {"hysteresis", "asymmetric_friction"}, {"asymmetric_friction"}
+    for runs, there in (([run], wanted), ([forward], set()), ([forward, back], differs), ([forward, run], wanted)):
+        names = _names(bench, runs)
         assert names & wanted == there
         assert {"coulomb_friction", "viscous_friction", "linear_spring"} <= names
+
+
+def test_noise_at_rest_is_no_way_back(bench) -> None:
+    run, rng = bench.machine.fit[0], np.random.default_rng(0)
+    rows = np.arange(len(run))[:, None]
+    there = np.minimum(rows / 20, 1.0) + 1e-3 * rng.standard_normal(rows.shape)
+    resting = dataclasses.replace(run, smooth=there, velocity=np.gradient(there, axis=0), noise=np.array([1e-3]))
+    assert not {"hysteresis", "asymmetric_friction"} & _names(bench, [resting])
+
+
+def test_a_short_way_back_on_a_long_path_tells_the_directions_apart(bench) -> None:
+    run = bench.machine.fit[0]
+    rows = np.arange(len(run), dtype=float)[:, None]
+    turn = 0.96 * len(rows)
+    path = np.where(rows < turn, rows, 1.2 * turn - 0.2 * rows)
+    path = dataclasses.replace(run, smooth=path, velocity=np.gradient(path, axis=0))
+    assert {"hysteresis", "asymmetric_friction"} & _names(bench, [path]) == {"asymmetric_friction"}

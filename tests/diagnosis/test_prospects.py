@@ -35,3 +35,7 @@ def test_sets_with_the_same_names_that_undo_a_tuning_in_other_ways_are_developed
     assert is_alike(chosen, fit, {frozenset(best.effects)}) == developed
     assert not is_alike(chosen, fit, set())
     assert not is_alike(chosen, best, {frozenset(fit.effects)})
+    close = dataclasses.replace(fit, chi2=best.chi2 + 50.0)
+    assert score.cheapest * score.scale == pytest.approx(75.0, abs=15.0)
+    near = Selection(bench.nominal, [bench.nominal, best, close], score)
+    assert is_alike(near, best, {frozenset(close.effects)}) == developed

@@ -1,5 +1,7 @@
 from __future__ import annotations
 
+import dataclasses
+
 import mujoco
 import numpy as np
 import pytest
@@ -168,10 +170,11 @@ def test_a_glitch_counts_for_nothing(two) -> None:
     signal = signal.copy()
     signal[30] += 0.5
     run = make_run(clean.replace({"qpos.lift": torch.from_numpy(signal)}), two, channels)
-    assert np.flatnonzero(~run.recorded).tolist() == [30]
+    assert np.flatnonzero(~run.counted).tolist() == [30]
+    assert run.recorded.all()
     assert run.notes == ("a row left out, at 0.3 s: qpos.lift is far from where the rows around it put it.",)
     np.testing.assert_allclose(run.smooth, make_run(clean, two, channels).smooth, atol=1e-3)
-    assert make_run(clean, two, channels).recorded.all()
+    assert make_run(clean, two, channels).counted.all()
 
 
 def test_a_glitch_beside_dropped_rows_is_the_right_one(two) -> None:
@@ -180,4 +183,15 @@ def test_a_glitch_beside_dropped_rows_is_the_right_one(two) -> None:
     signal[30] -= 0.5
     made = Recording.from_columns("a", {"time": rows * 0.01, "qpos.lift": signal})
     run = make_run(made, two, Channels.of(two, [made]))
-    assert np.flatnonzero(~run.recorded).tolist() == [20, 21, 22, 33]
+    assert np.flatnonzero(~run.recorded).tolist() == [20, 21, 22]
+    assert np.flatnonzero(~run.counted).tolist() == [20, 21, 22, 33]
+
+
+def test_a_glitch_of_a_prescribed_joint_is_told(two) -> None:
+    signal = np.sin(np.arange(60) * 0.05) + 1e-4 * np.random.default_rng(0).normal(size=60)
+    columns = {"time": np.arange(60) * 0.01, "qpos.lift": signal, "qpos.joint2": signal.copy()}
+    columns["qpos.lift"][30] += 0.5
+    made = dataclasses.replace(Recording.from_columns("a", columns), prescribed=("lift",))
+    run = make_run(made, two, Channels.of(two, [made]))
+    assert run.notes == ("a row left out, at 0.3 s: qpos.lift is far from where the rows around it put it.",)
+    assert run.counted.all()

@@ -44,6 +44,16 @@ def test_what_seems_tuned_costs_its_parameters_alone(bench) -> None:
     assert lenient.price(effects) == pytest.approx(score.price(effects[:1]) + np.log(1000))
 
 
+def test_where_all_hold_the_same_corrections_these_cost_nothing_and_all_else_the_same(bench) -> None:
+    forms = {e.variant: e for e in bench.effects if e.key == ("center_of_mass_offset", "body:rod")}
+    damping = bench.effect("viscous_friction")
+    score = Score(samples=1000, names=30, scale=1.0, free=frozenset({damping.key}))
+    alike = dataclasses.replace(score, corrected=True)
+    assert alike.price([forms["xz"], damping]) == pytest.approx(score.price([forms["xz"]]))
+    assert score.price([forms["xz"], damping]) == pytest.approx(score.price([forms["xz"]]) + math.log(1000))
+    assert alike.without_free() == dataclasses.replace(score, free=frozenset())
+
+
 def test_a_runaway_nominal_does_not_make_all_else_small(bench) -> None:
     effect = bench.effect("viscous_friction")
     adequate = Score(samples=1000, names=30, scale=1.0, mismatch=1e9)

@@ -9,4 +9,5 @@ def test_the_item_is_the_models_own_name() -> None:
 
 
 def test_a_joint_turns_back_unless_said_otherwise() -> None:
-    assert Place("joint:elbow", 0).reverses
+    place = Place("joint:elbow", 0)
+    assert place.turns_back and place.both_ways

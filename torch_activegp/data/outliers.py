@@ -5,22 +5,23 @@ from __future__ import annotations
 import torch
 from torch import Tensor
 
-_SIDE = 3
-"""Rows on each side that say where those between them should be."""
+_SIDE = 4
+"""Rows on each side that say where those between them should be. With three, 100 of 57 000 rows of a bouncing ball were
+found; with four 15, and as many with five."""
 _DEGREE = 3
 _LONGEST = 2
-"""Rows in a row. Three in the middle of an impact are ten times as far from a cubic through their neighbours as these
-are, two or one 4.3 times."""
+"""Rows in a row."""
 _FAR = 8.0
-"""Times what noise makes of the difference."""
+"""Times what noise makes of the difference; rows at an impact are at most 3.2 times as far as its misfit says."""
 _CHUNK = 4096
 
 
 def outlying(signal: Tensor, time: Tensor, sigma: float) -> Tensor:
     """Find single rows, or two in a row, far from where their neighbours put them, while these agree with each other.
 
-    A cubic through the three rows on each side, at either end through the six that are nearest, is asked for the rows
-    between them. What a machine does shows in more rows: an impact bends the cubic, and its own misfit counts as noise.
+    A cubic through the four rows on each side is asked for the rows between them. What a machine does shows in more
+    rows: an impact bends the cubic, and its own misfit counts as noise. Rows with fewer on one side are never found:
+    there an impact would bend nothing.
 
     Args:
         signal: ``(T,)``.
@@ -28,7 +29,7 @@ def outlying(signal: Tensor, time: Tensor, sigma: float) -> Tensor:
         sigma: standard deviation of the noise of a row.
 
     Returns:
-        Whether each row is outlying, ``(T,)``; none where there are fewer than 12.
+        Whether each row is outlying, ``(T,)``.
 
     >>> t = torch.arange(200) * 0.01
     >>> signal = torch.sin(5 * t)
@@ -37,12 +38,11 @@ def outlying(signal: Tensor, time: Tensor, sigma: float) -> Tensor:
     [50, 120, 121]
     """
     found = torch.zeros(len(signal), dtype=torch.bool)
-    if len(signal) < 4 * _SIDE:
-        return found
     signal, time = signal.double(), time.double()
     for length in range(1, _LONGEST + 1):
-        for first in range(0, len(signal) - length + 1, _CHUNK):
-            at = torch.arange(first, min(first + _CHUNK, len(signal) - length + 1))[:, None] + torch.arange(length)
+        end = len(signal) - _SIDE - length + 1
+        for first in range(_SIDE, end, _CHUNK):
+            at = torch.arange(first, min(first + _CHUNK, end))[:, None] + torch.arange(length)
             far = _far(signal, time, sigma, at)
             found[at[far]] = True
     return found
@@ -51,8 +51,7 @@ def outlying(signal: Tensor, time: Tensor, sigma: float) -> Tensor:
 def _far(signal: Tensor, time: Tensor, sigma: float, at: Tensor) -> Tensor:
     """Whether all of some neighbouring rows are far off, ``(N,)``, for their numbers ``(N, length)``."""
     count, length = at.shape
-    start = (at[:, :1] - _SIDE).clamp(0, len(signal) - 2 * _SIDE - length)
-    window = start + torch.arange(2 * _SIDE + length)
+    window = at[:, :1] - _SIDE + torch.arange(2 * _SIDE + length)
     around = window[(window < at[:, :1]) | (window > at[:, -1:])].reshape(count, 2 * _SIDE)
     origin, value = time[at[:, :1]], signal[at[:, :1]]
     scale = (time[around] - origin).abs().amax(dim=1, keepdim=True)

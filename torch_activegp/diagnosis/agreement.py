@@ -158,19 +158,34 @@ def drift(working: Shooting, precise: Shooting, fit: Fit) -> float:
     """Chi2 of the error that a corrected form has from where the recordings seem to begin.
 
     Those states are about as far from a fit's as what is missing has moved them; so far may a correction be carried
-    while it is sought. What initial states absorb is not counted.
+    while it is sought. What is not recorded stays where the fit has it, and what initial states absorb is not counted.
 
     Args:
         working: the likelihood by the form, with its correction.
         precise: that by the precise form.
         fit: where the correction was taken; its derivatives are there.
+
+    Returns:
+        Infinity where one of the forms fails and the other does not.
     """
     assert working.offset is not None
     assert fit.design is not None
-    other = dataclasses.replace(fit, starts=working.engine.starts(working.segments))
-    error = precise.predicted(other) - working.predicted(other) - working.offset
-    white = np.nan_to_num(working.noise.whiten(working.segments, error))
+    other = dataclasses.replace(fit, starts=_as_recorded(working, fit))
+    exact, rough = precise.predicted(other), working.predicted(other)
+    failed, lost = (np.isnan(some).any(axis=(1, 2)) for some in (exact, rough))
+    if (failed != lost).any():
+        return float("inf")
+    white = np.nan_to_num(working.noise.whiten(working.segments, exact - rough - working.offset))
     return float((_beside(fit.design, white) ** 2).sum())
+
+
+def _as_recorded(shooting: Shooting, fit: Fit) -> Array:
+    """The states of a fit, moved to where the recorded joints seem to begin, ``(S, nq + nv)``."""
+    model, channels = shooting.engine.model, shooting.engine.channels
+    seen, states, speeds = shooting.engine.starts(shooting.segments), fit.starts.copy(), model.nq + channels.dof
+    states[:, channels.qpos] += seen[:, channels.qpos] - np.nan_to_num(shooting.predicted(fit)[:, 0])
+    states[:, speeds] = seen[:, speeds]
+    return states
 
 
 def _beside(design: Array, white: Array) -> Array:

@@ -61,7 +61,7 @@ class Selection:
 
     def lighten(self) -> None:
         """Forgets derivatives of all fits but the nominal and the best few: large arrays, of use to develop a set."""
-        named = dataclasses.replace(self, score=dataclasses.replace(self.score, free=frozenset()))
+        named = dataclasses.replace(self, score=self.score.without_free())
         kept = [self.nominal, *self.ranked()[:_REMEMBERED], *named.ranked()[:_REMEMBERED]]
         self.fits = [fit if fit in kept else fit.without_derivatives for fit in self.fits]
 

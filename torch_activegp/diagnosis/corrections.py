@@ -10,6 +10,7 @@ import numpy as np
 from torch_activegp.diagnosis.compared import Selection, compare
 from torch_activegp.diagnosis.fit import Fit
 from torch_activegp.diagnosis.proposals import Set
+from torch_activegp.diagnosis.prospects import MAX_EFFECTS
 from torch_activegp.diagnosis.screening import screen
 from torch_activegp.diagnosis.shooting import Shooting
 from torch_activegp.diagnosis.tuning import is_a_tuning
@@ -17,8 +18,8 @@ from torch_activegp.physics.actuator import ActuatorEffect
 from torch_activegp.physics.effect import Effect
 
 _MOST = 5
-_FAR = 30.0
-"""Score by which rivals may be behind: about what four corrections cost."""
+_FAR = 4
+"""Corrections by whose price rivals may be behind."""
 
 
 def correct_alike(selection: Selection, shooting: Shooting, effects: Sequence[Effect]) -> None:
@@ -41,16 +42,19 @@ def correct_alike(selection: Selection, shooting: Shooting, effects: Sequence[Ef
     tunable = [effect for effect in effects if effect.key in free and _joint(effect) in joints]
     screened = screen(shooting, selection.nominal, tunable)
     corrections = [atom.effect for atom in screened.independent(screened.best())]
+    sets = [_beside(fit, corrections, free) for fit in rivals]
     other = dataclasses.replace(selection, fits=list(selection.fits))
-    compare(shooting, other, [_beside(fit, corrections, free) for fit in rivals], selection.best)
+    compare(shooting, other, sets, selection.best)
+    alike = {frozenset(some) for some, _ in sets}
+    other.fits = [fit for fit in other.fits if frozenset(fit.effects) in alike or not _is_mixed(fit, free)]
     other.score = dataclasses.replace(other.score, corrected=True)
-    if _only_corrects(other, shooting):
+    if _only_corrects(other, shooting, selection.needs_more_than(MAX_EFFECTS)):
         selection.fits, selection.score = other.fits, other.score
 
 
 def _rivals(selection: Selection) -> list[Fit]:
     """The best sets of different names, each with the corrections that it has so far."""
-    far = selection.score(selection.best) + _FAR
+    far = selection.score(selection.best) + _FAR * selection.score.a_parameter
     found: dict[frozenset[tuple[str, str]], Fit] = {}
     for fit in selection.ranked():
         named = frozenset(effect.key for effect in fit.effects if effect.key not in selection.score.free)
@@ -68,11 +72,16 @@ def _beside(fit: Fit, corrections: Sequence[Effect], free: Collection[tuple[str,
     return tuple(effect for effect, _ in pairs), tuple(there for _, there in pairs)
 
 
-def _only_corrects(selection: Selection, shooting: Shooting) -> bool:
-    """Whether the corrections of the best set do no more than undo a tuning."""
+def _is_mixed(fit: Fit, free: Collection[tuple[str, str]]) -> bool:
+    """Whether a set holds names beside corrections: it is no fair rival then, unless it holds those of all others."""
+    return 0 < sum(effect.key in free for effect in fit.effects) < len(fit.effects)
+
+
+def _only_corrects(selection: Selection, shooting: Shooting, needed: bool) -> bool:
+    """Whether the corrections of the best set do no more than undo a tuning; see `only_undoes` for what is needed."""
     best, free = selection.best, selection.score.free
     alone, others = ([e for e in best.effects if (e.key in free) is there] for there in (True, False))
-    return bool(alone and others) and is_a_tuning(shooting, selection, alone, others)
+    return bool(alone and others) and is_a_tuning(shooting, selection, alone, others, needed)
 
 
 def _joint(effect: Effect) -> str:

@@ -261,7 +261,7 @@ def _recordings(machine: Machine) -> list[dict[str, Any]]:
         {
             "name": run.label,
             "role": role,
-            "rows": int(run.recorded.sum()),
+            "rows": int(run.counted.sum()),
             "seconds": float(run.time[-1]),
             "rate_hz": float(1.0 / np.median(run.dt)),
             "notes": [],

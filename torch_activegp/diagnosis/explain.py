@@ -22,7 +22,7 @@ from torch_activegp.diagnosis.noise_left import noise_behind, raised
 from torch_activegp.diagnosis.noise_model import NoiseModel
 from torch_activegp.diagnosis.numerics import CREEPS, Numerics, Sets
 from torch_activegp.diagnosis.polish import polish
-from torch_activegp.diagnosis.prospects import hopeless
+from torch_activegp.diagnosis.prospects import NOISE_ALONE, hopeless
 from torch_activegp.diagnosis.segments import Segments
 from torch_activegp.diagnosis.selection import select
 from torch_activegp.diagnosis.shooting import Shooting
@@ -212,7 +212,8 @@ def _finish(
     engine, shooting, nominal, judged = start.engine, start.shooting, start.nominal, start.first
     for _ in range(_AGAIN):
         best, first = selection.best, leaders(selection)
-        settled = is_of(judged, best.effects) or not best.effects
+        quiet = best.chi2 < NOISE_ALONE * shooting.dof
+        settled = not best.effects or (is_of(judged, best.effects) and quiet)
         if not (settled or selection.cut_short or hopeless(selection, shooting)):
             known = (engine, shooting)
             again, other, bare, judged = numerics.choose(shooting.segments, shooting.noise, best, nominal, first, known)

@@ -52,7 +52,7 @@ def one_step(
     errors = windows.position[each, ends[:, 1]] - predicted[:, each, ends[:, 1]]
     rows = windows.first + ends[:, 1]
     own = [windows.run == number for number in range(len(runs))]
-    there = [which & run.recorded[np.minimum(rows, len(run) - 1)] for which, run in zip(own, runs, strict=True)]
+    there = [which & run.counted[np.minimum(rows, len(run) - 1)] for which, run in zip(own, runs, strict=True)]
     chosen = [known if known.any() else which for known, which in zip(there, own, strict=True)]
     return [[some[which] for which in chosen] for some in errors]
 
@@ -219,12 +219,12 @@ def compare(
         free |= {name: paths[id(candidate)] for name, candidate in some.items()}
         ahead |= {name: steps[id(candidate)] for name, candidate in some.items()}
     for number, run in enumerate(runs):
-        spread = np.maximum(run.position[run.recorded].std(axis=0), 1e-12)
+        spread = np.maximum(run.position[run.counted].std(axis=0), 1e-12)
         frees = {name: some[number] for name, some in free.items()}
         for c, joint in enumerate(joints):
             entry: dict[str, Any] = {"run": run.label, "channel": f"qpos.{joint}", "one_step": {}, "free_run": {}}
             for name in models:
-                far = run.position[run.recorded, c] - frees[name][0][run.recorded, c]
+                far = run.position[run.counted, c] - frees[name][0][run.counted, c]
                 entry["one_step"][name] = _rms(ahead[name][number][:, c]) / spread[c]
                 entry["free_run"][name] = _rms(far) / spread[c]
             for kind in ("one_step", "free_run"):

@@ -12,6 +12,7 @@ import numpy as np
 from torch_activegp.data import Recording
 from torch_activegp.diagnosis.blackbox import BlackBox, check_clock, check_rates, check_recordings
 from torch_activegp.diagnosis.runs import MIN_ROWS, Channels, Run, input_addresses, make_run
+from torch_activegp.diagnosis.wrong_controls import doubt_controls
 from torch_activegp.diagnosis.wrong_signs import check_signs
 from torch_activegp.diagnosis.wrong_units import check_units
 from torch_activegp.errors import ConfigurationError, DataError
@@ -95,6 +96,7 @@ def make_machine(
     if box is None:
         notes += [*check_units(model, channels, fit), *check_units(model, channels, kept)]
         check_signs(model, channels, fit)
+        notes += doubt_controls(model, channels, fit)
     else:
         check_recordings(box, [*recordings, *holdout])
         check_clock(box, [*fit, *kept])
@@ -179,4 +181,5 @@ def _part(run: Run, start: int, stop: int, name: str) -> Run:
     held = {f: getattr(run, f)[start : stop - 1] for f in ("control", "force")}
     time = run.time[start:stop] - run.time[start]
     given = None if run.prescribed is None else _part(run.prescribed, start, stop, name)
+    rows["glitch"] = None if run.glitch is None else run.glitch[start:stop]
     return dataclasses.replace(run, label=f"{run.label} ({name})", time=time, prescribed=given, **rows, **held)

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import mujoco
 import numpy as np
 
@@ -10,6 +12,7 @@ from torch_activegp.diagnosis.explain import Explanation
 from torch_activegp.diagnosis.runs import median_step
 from torch_activegp.diagnosis.segments import Segments
 from torch_activegp.diagnosis.selection import Depth
+from torch_activegp.physics.effect import Effect
 
 _SCHEMES = {
     int(mujoco.mjtIntegrator.mjINT_EULER): "semi-implicit Euler",
@@ -19,6 +22,7 @@ _SCHEMES = {
 }
 _MOST = 0.75
 """Share of the recordings below which it is said: ends of runs and first rows of segments never count."""
+_TO_AND_FRO = {"hysteresis": "hysteresis", "asymmetric_friction": "friction that differs between the directions"}
 _CUT_SHORT = (
     f"The search for effects ended when it had computed {Depth().work / 1e6:g} million time steps. Further ones on top "
     "of those found, or others in their place, were not all tried."
@@ -28,7 +32,21 @@ _CUT_SHORT = (
 def search_notes(explanation: Explanation) -> list[str]:
     """What to know of the numerics, of the part of the data that was used, and of a search that was cut short."""
     cut_short = [_CUT_SHORT] if explanation.selection.cut_short else []
-    return [*_numerics_note(explanation), *_part_note(explanation.shooting.segments), *cut_short]
+    part = _part_note(explanation.shooting.segments)
+    return [*_numerics_note(explanation), *part, *cut_short, *_one_way_notes(explanation.effects)]
+
+
+def _one_way_notes(effects: Sequence[Effect]) -> list[str]:
+    """Joints that do not turn back, or go one way only: what is sought only on others."""
+    joints = dict.fromkeys(effect.target for effect in effects if effect.target.startswith("joint:"))
+    tried = {effect.key for effect in effects}
+    notes = []
+    for joint in joints:
+        lacking = [what for what in _TO_AND_FRO if (what, joint) not in tried]
+        if lacking:
+            sought = " and ".join(_TO_AND_FRO[what] for what in lacking)
+            notes.append(f"{joint} hardly turns back in these recordings: {sought} cannot show, and was not sought.")
+    return notes
 
 
 def _part_note(segments: Segments) -> list[str]:

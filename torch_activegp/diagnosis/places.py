@@ -14,7 +14,11 @@ from torch_activegp.physics import Effect, Place, catalogue
 from torch_activegp.physics.body import BodyEffect
 
 _BACK = 0.02
-"""Part of the whole range by which a joint turns back: the smallest slip that is tried."""
+"""Part of the whole range by which a joint turns back within a run: the smallest slip that is tried first."""
+_ERRORS = 6.0
+"""Times its noise by which a joint goes somewhere."""
+_MOVING, _OFTEN = 0.1, 0.01
+"""Part of the typical speed from which on a joint moves, and part of the rows in which it does."""
 
 
 def effects_for(
@@ -63,14 +67,24 @@ def _joint(model: mujoco.MjModel, channels: Channels, runs: Sequence[Run], c: in
         dt=median_step(runs),
         qpos=int(channels.qpos[c]),
         loss=float(model.dof_frictionloss[dof]),
-        reverses=any(_turns_back(run.smooth[:, c], float(np.ptp(position))) for run in runs),
+        turns_back=any(min(_travel(run, c)) > _BACK * np.ptp(position) for run in runs),
+        both_ways=all(_goes(runs, c, direction * _MOVING * speed) for direction in (1.0, -1.0)),
     )
 
 
-def _turns_back(position: Array, width: float) -> bool:
-    """Whether a joint moves both ways in a run, by more than its recorder's errors."""
-    moves = np.diff(position)
-    return bool(min(moves[moves > 0].sum(), -moves[moves < 0].sum()) > _BACK * width)
+def _travel(run: Run, c: int) -> tuple[float, float]:
+    """How far a channel ever goes up in a run, and down, beyond its recorder's errors."""
+    position, errors = run.smooth[:, c], _ERRORS * run.noise[c]
+    up = float((position - np.minimum.accumulate(position)).max())
+    down = float((np.maximum.accumulate(position) - position).max())
+    return max(up - errors, 0.0), max(down - errors, 0.0)
+
+
+def _goes(runs: Sequence[Run], c: int, speed: float) -> bool:
+    """Whether a channel goes in the direction of a speed, faster than that, in some of the rows of all runs."""
+    far = [run for run in runs if _travel(run, c)[int(speed < 0.0)] > 0.0]
+    rows = sum(int((run.velocity[:, c] * np.sign(speed) > abs(speed)).sum()) for run in far)
+    return rows > _OFTEN * sum(map(len, runs))
 
 
 def _moved(model: mujoco.MjModel, channels: Channels) -> NDArray[np.bool_]:

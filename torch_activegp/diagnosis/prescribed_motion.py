@@ -89,7 +89,7 @@ class PrescribedMotion:
 
 def _along(run: Run, time: Array) -> tuple[Array, Array]:
     """Positions and velocities ``(n, T, P)`` at times ``(n, T)``, s: cubic between rows, straight on after the last."""
-    clock, value, slope = (column[run.recorded] for column in (run.time, run.smooth, run.velocity))
+    clock, value, slope = (column[run.counted] for column in (run.time, run.smooth, run.velocity))
     row = np.clip(np.searchsorted(clock, time, side="right") - 1, 0, len(clock) - 2)
     late = np.maximum(time - clock[-1], 0.0)[..., None]
     h = np.diff(clock)[row][..., None]

@@ -23,13 +23,23 @@ def cannot_win(selection: Selection, fit: Fit, expanded: Collection[frozenset[Ef
 
 
 def is_alike(selection: Selection, fit: Fit, expanded: Collection[frozenset[Effect]]) -> bool:
-    """Whether a set that was developed has the same names, and differs in what is no name alone; not of the best."""
+    """Whether a set that was developed has the same names, and differs in what is no name alone.
+
+    The best set must explain hardly more than that one too: less than one more name must.
+    """
+    score = selection.score
 
     def names(effects: Iterable[Effect]) -> frozenset[Effect]:
-        return frozenset(effect for effect in effects if effect.key not in selection.score.free)
+        return frozenset(effect for effect in effects if effect.key not in score.free)
 
-    known = (names(some) for some in expanded if len(names(some)) < len(some))
-    return fit is not selection.best and len(names(fit.effects)) < len(fit.effects) and names(fit.effects) in known
+    def explains_more(some: frozenset[Effect]) -> bool:
+        known = selection.of(tuple(some))
+        return known is None or known.chi2 - fit.chi2 > score.cheapest * score.scale
+
+    if len(names(fit.effects)) == len(fit.effects):
+        return False
+    alike = (some for some in expanded if len(names(some)) < len(some) and names(some) == names(fit.effects))
+    return any(fit is not selection.best or not explains_more(some) for some in alike)
 
 
 def hopeless(selection: Selection, shooting: Shooting, least: int = 1) -> bool:

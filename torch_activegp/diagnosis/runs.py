@@ -9,20 +9,17 @@ import mujoco
 import numpy as np
 import torch
 from numpy.typing import NDArray
-from scipy.ndimage import uniform_filter1d
 
-from torch_activegp.data import Recording, choose_window, noise_std, unwrap_angles
-from torch_activegp.data.local_polynomial import local_motion, local_slope
+from torch_activegp.data import Recording, noise_std, unwrap_angles
 from torch_activegp.diagnosis.coupling import coupling
 from torch_activegp.diagnosis.glitches import bridged, glitches, in_words
+from torch_activegp.diagnosis.smoothing import follow, smooth
 from torch_activegp.errors import DataError
 
 Array = NDArray[np.float64]
 Smoother = Callable[[Array, Array, float], tuple[Array, Array]]
 _SCALAR = (int(mujoco.mjtJoint.mjJNT_HINGE), int(mujoco.mjtJoint.mjJNT_SLIDE))
 _MISSING = 1.5
-_FAITHFUL = 5
-"""Degree of the polynomials along which prescribed motion is freed of noise."""
 MIN_ROWS = 12
 _SLOWEST = 1.0
 """Longest time between rows, s."""
@@ -93,7 +90,7 @@ class Run:
         label: name for people.
         time: ``(K + 1,)``, s.
         position: recorded positions ``(K + 1, C)``; interpolated where no row was recorded.
-        recorded: whether a row was recorded, and is no glitch, ``(K + 1,)``.
+        recorded: whether a row was recorded, ``(K + 1,)``.
         velocity: slopes of local polynomials, ``(K + 1, C)``, rad/s or m/s.
         smooth: positions freed of noise along these slopes, ``(K + 1, C)``.
         control: held from each row to the next, within the actuators' limits, ``(K, nu)``.
@@ -102,6 +99,7 @@ class Run:
         prescribed: the same of the P prescribed joints; None where they stay where a simulation starts.
         coupling: how far a displacement of one of them moves each channel, ``(C, P)``.
         video: whether the errors of the positions last, as those of a video do.
+        glitch: whether a position of a row is a glitch, ``(K + 1,)``; None where there is no such row.
         notes: which of its rows were left out, in words.
     """
 
@@ -117,12 +115,18 @@ class Run:
     prescribed: Run | None = None
     coupling: Array | None = None
     video: bool = False
+    glitch: NDArray[np.bool_] | None = None
     notes: tuple[str, ...] = ()
 
     @property
     def dt(self) -> Array:
         """Length of each interval ``(K,)``, s."""
         return np.diff(self.time)
+
+    @property
+    def counted(self) -> NDArray[np.bool_]:
+        """The rows that say where the machine was, ``(K + 1,)``: recorded, and no glitch."""
+        return self.recorded if self.glitch is None else self.recorded & ~self.glitch
 
     def __len__(self) -> int:
         return len(self.time)
@@ -138,17 +142,18 @@ def make_run(recording: Recording, model: mujoco.MjModel, channels: Channels) ->
     Raises:
         DataError: too short, or an external force on a joint that the model does not have.
     """
-    run = _laid(recording, model, channels, _smooth)
+    run = _laid(recording, model, channels, smooth)
     if channels.prescribed is None:
         return run
-    given = _laid(recording, model, channels.prescribed, _follow)
+    given = _laid(recording, model, channels.prescribed, follow)
     poses = np.tile(model.qpos0, (len(run), 1))
     poses[:, channels.qpos], poses[:, channels.prescribed.qpos] = run.smooth, given.smooth
     carried = coupling(model, poses, channels.dof, channels.prescribed.dof)
-    return dataclasses.replace(run, prescribed=given, coupling=carried)
+    notes = (*run.notes, *given.notes)
+    return dataclasses.replace(run, prescribed=given, coupling=carried, notes=notes)
 
 
-def _laid(recording: Recording, model: mujoco.MjModel, channels: Channels, smooth: Smoother) -> Run:
+def _laid(recording: Recording, model: mujoco.MjModel, channels: Channels, smoother: Smoother) -> Run:
     if len(recording) < MIN_ROWS:
         raise DataError(f"{recording.label}: too short, {len(recording)} rows found, {MIN_ROWS} wanted. Record longer.")
     step = float(np.median(np.diff(recording.time.numpy())))
@@ -177,10 +182,11 @@ def _laid(recording: Recording, model: mujoco.MjModel, channels: Channels, smoot
     lost = glitches(time, position, noise)
     position = bridged(time, position, lost)
     slopes, values = zip(
-        *(smooth(time, signal, sigma) for signal, sigma in zip(position.T, noise, strict=True)), strict=True
+        *(smoother(time, signal, sigma) for signal, sigma in zip(position.T, noise, strict=True)), strict=True
     )
     index, clock = _filled(time)
-    index[index] = ~lost.any(axis=1)
+    glitch = np.zeros_like(index)
+    glitch[index] = lost.any(axis=1)
     held = np.minimum(np.searchsorted(time, clock + 1e-12, side="right") - 1, len(time) - 1)
     return Run(
         label=recording.label,
@@ -193,6 +199,7 @@ def _laid(recording: Recording, model: mujoco.MjModel, channels: Channels, smoot
         force=force[held[:-1]],
         noise=noise,
         video=recording.video,
+        glitch=glitch if glitch.any() else None,
         notes=in_words(time, lost, channels.joints),
     )
 
@@ -254,25 +261,6 @@ def _prescribed(recordings: Sequence[Recording]) -> set[str]:
                 "Diagnose them apart."
             )
     return set(first.prescribed)
-
-
-def _smooth(time: Array, signal: Array, sigma: float) -> tuple[Array, Array]:
-    """Slope and value of a signal, freed of noise by local polynomials."""
-    t, y = torch.from_numpy(time.copy()), torch.from_numpy(signal.copy())
-    window = choose_window(t, y, sigma) if len(time) >= 15 else 5
-    slope = local_slope(t, y, window).numpy()
-    # the value at the centre from the slope: shift every neighbour along the slope and average
-    half = max(window // 4, 1)
-    trend = np.concatenate([[0.0], np.cumsum(0.5 * (slope[1:] + slope[:-1]) * np.diff(time))])
-    return slope, trend + uniform_filter1d(signal - trend, 2 * half + 1, mode="nearest")
-
-
-def _follow(time: Array, signal: Array, sigma: float) -> tuple[Array, Array]:
-    """The same where a motion is an input: no part of it may be smoothed away, and noise may rather stay."""
-    t, y = torch.from_numpy(time.copy()), torch.from_numpy(signal.copy())
-    window = choose_window(t, y, sigma) if len(time) >= 15 else 5
-    value, slope = local_motion(t, y, max(window, _FAITHFUL + 2), _FAITHFUL)
-    return slope.numpy(), value.numpy()
 
 
 def _filled(time: Array) -> tuple[NDArray[np.bool_], Array]:

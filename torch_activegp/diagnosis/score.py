@@ -41,7 +41,7 @@ class Score:
         free: (name, target) pairs of what seems to be tuned already: they are no names, and cost their parameters.
         hides_colour: whether noise may be filtered and nobody sees it, :attr:`Shooting.hides_colour`.
         material: part of the mismatch that a name must explain.
-        corrected: whether all that compete have all of `free` that there is: it costs nothing then.
+        corrected: whether all that compete hold the same of `free`, which costs nothing then.
 
     Reference: Chen, Chen, *Extended Bayesian Information Criteria for Model Selection with Large Model Spaces*,
     Biometrika 95 (2008).
@@ -60,6 +60,10 @@ class Score:
         """Extended BIC; smaller is better."""
         first = (_UNSURE if self.inadequate else TIE) if fit.effects else 0.0
         return fit.chi2 / self.scale + self.price(fit.effects) + first
+
+    def without_free(self) -> Score:
+        """The score where everything is a name."""
+        return dataclasses.replace(self, free=frozenset(), corrected=False)
 
     @property
     def slack(self) -> float:
@@ -96,9 +100,10 @@ class Score:
         least = self.least
         named = [effect for effect in effects if effect.key not in self.free]
         parameters = sum(1 if effect.vector else len(effect.parameters) for effect in named)
-        nuisances = sum(len(effect.parameters) for effect in effects) - parameters
-        of_nuisances = 0.0 if self.corrected else nuisances * self.a_parameter
-        return parameters * max(self.a_parameter, least) + of_nuisances + len(named) * self.a_name
+        components = sum(len(effect.parameters) for effect in named) - parameters
+        corrections = sum(len(effect.parameters) for effect in effects if effect.key in self.free)
+        nuisances = components + (0 if self.corrected else corrections)
+        return parameters * max(self.a_parameter, least) + nuisances * self.a_parameter + len(named) * self.a_name
 
     @property
     def cheapest(self) -> float:

@@ -136,7 +136,7 @@ def lay(runs: Sequence[Run], pieces: Sequence[tuple[int, int, int, int]]) -> Seg
         position[s, b + 1 - start :] = run.position[b]
         # the last row of a segment is the first of the next one; it counts once
         last = b + 1 if b == len(run) - 1 else b
-        counts[s, a - start : last - start] = run.recorded[a:last]
+        counts[s, a - start : last - start] = run.counted[a:last]
         dt[s, : b - start] = run.dt[start:b]
         dt[s, b - start :] = run.dt[b - 1]
     table = np.array(pieces, dtype=np.int64)

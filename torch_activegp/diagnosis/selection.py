@@ -94,7 +94,7 @@ def select(
         simplify(selection, shooting, effects)
         search(selection, shooting, effects, expanded, tell, depth)
     if selection.score.free and not _only_undoes(selection, shooting):
-        selection.score = dataclasses.replace(selection.score, free=frozenset())
+        selection.score = selection.score.without_free()
         search(selection, shooting, effects, expanded, tell, depth)
     return selection
 
@@ -114,22 +114,24 @@ def search(
         tell(f"testing what comes on top of {len(fit.effects)} effect{'s' * (len(fit.effects) != 1)}")
         expand(selection, shooting, effects, fit, depth.work + _PATIENCE)
 
-    resorts = _resorts(selection, shooting, effects, tell, depth.swaps)
+    def may_go_on(fit: Fit) -> bool:
+        return shooting.work <= depth.work and _is_promising(selection, shooting, fit, expanded, skipped)
+
+    def step_by_step(least: int = 1) -> bool:
+        return one_by_one(selection, shooting, expanded, develop, may_go_on, least)
+
+    resorts = _resorts(selection, shooting, effects, tell, depth.swaps, step_by_step)
     skipped: Seen = set()
     for _ in _rounds(selection, shooting, effects, depth):
         beam = _beam(selection, shooting, expanded, skipped)
         if not beam and not next(resorts, False):
             break
-        for fit in beam:
-            if shooting.work <= depth.work and _is_promising(selection, shooting, fit, expanded, skipped):
-                develop(fit)
+        for fit in filter(may_go_on, beam):
+            develop(fit)
         if beam:
-            one_by_one(selection, shooting, expanded, develop, least=BEAM + 1)
+            step_by_step(least=BEAM + 1)
             simplify(selection, shooting, effects)
             selection.rescale(shooting.dof)
-    if one_by_one(selection, shooting, expanded, develop):
-        simplify(selection, shooting, effects)
-        selection.rescale(shooting.dof)
 
 
 def _rounds(selection: Selection, shooting: Shooting, effects: Sequence[Effect], depth: Depth) -> Iterator[int]:
@@ -146,9 +148,13 @@ def _rounds(selection: Selection, shooting: Shooting, effects: Sequence[Effect],
 def _beam(selection: Selection, shooting: Shooting, expanded: Seen, skipped: Seen) -> list[Fit]:
     """The best sets that were not developed yet; the nominal, where what was found on a part of the data led astray."""
     known, score = expanded | skipped, selection.score
-    fresh = [fit for fit in selection.ranked() if frozenset(fit.effects) not in known]
-    fresh = [fit for fit in fresh if not is_alike(selection, fit, expanded)][:BEAM]
-    beam = [fit for fit in fresh if score(fit) <= score(selection.best) + score.slack]
+    beam: list[Fit] = []
+    for fit in selection.ranked():
+        if len(beam) == BEAM or score(fit) > score(selection.best) + score.slack:
+            break
+        others = expanded | {frozenset(other.effects) for other in beam}
+        if frozenset(fit.effects) not in known and not is_alike(selection, fit, others):
+            beam.append(fit)
     astray = not beam and frozenset() not in expanded and hopeless(selection, shooting)
     return [selection.nominal] if astray else beam
 
@@ -164,11 +170,28 @@ def _is_promising(selection: Selection, shooting: Shooting, fit: Fit, expanded: 
 
 
 def _resorts(
-    selection: Selection, shooting: Shooting, effects: Sequence[Effect], tell: Callable[[str], None], swaps: int
+    selection: Selection,
+    shooting: Shooting,
+    effects: Sequence[Effect],
+    tell: Callable[[str], None],
+    swaps: int,
+    step_by_step: Callable[[], bool],
 ) -> Iterator[bool]:
     """What is tried where no set is left to develop, one at a time."""
     if selection.score.inadequate and soften(selection, shooting, effects):
         yield True
+    yield from _swapped(selection, shooting, effects, tell, swaps)
+    if step_by_step():
+        simplify(selection, shooting, effects)
+        selection.rescale(shooting.dof)
+        yield True
+        yield from _swapped(selection, shooting, effects, tell, swaps)
+
+
+def _swapped(
+    selection: Selection, shooting: Shooting, effects: Sequence[Effect], tell: Callable[[str], None], swaps: int
+) -> Iterator[bool]:
+    """Others in place of each effect of the best set, so often at most, as long as another set becomes the best."""
     swapped: frozenset[Effect] = frozenset()
     for _ in range(swaps):
         if frozenset(selection.best.effects) == swapped or hopeless(selection, shooting):

@@ -16,6 +16,7 @@ def one_by_one(
     shooting: Shooting,
     expanded: set[frozenset[Effect]],
     develop: Callable[[Fit], None],
+    may_go_on: Callable[[Fit], bool],
     least: int = 1,
 ) -> bool:
     """Develops the best single name, the best two of which it is one, and so on, as long as each gains.
@@ -29,6 +30,7 @@ def one_by_one(
         shooting: the likelihood.
         expanded: sets that were developed already.
         develop: fits what is promising on top of a set, and notes that.
+        may_go_on: whether to develop a set; where not, nothing comes after it.
         least: names in the best set from which on it is asked.
 
     Returns:
@@ -39,8 +41,11 @@ def one_by_one(
     if few or before.chi2 < NOISE_ALONE * shooting.dof or hopeless(selection, shooting):
         return False
     while (found := _next(selection, found)) is not None and selection.score.names_in(found.effects) < MAX_EFFECTS:
-        if frozenset(found.effects) not in expanded:
-            develop(found)
+        if frozenset(found.effects) in expanded:
+            continue
+        if not may_go_on(found):
+            break
+        develop(found)
     return selection.best is not before
 
 

@@ -49,6 +49,5 @@ def decide(shooting: Shooting, selection: Selection) -> Verdict:
             "it makes the forecasts of recordings left out worse. It is not named."
         )
         fits = [fit for fit in selection.fits if (worst.name, worst.target) not in fit.keys]
-        score = dataclasses.replace(selection.score, free=frozenset())
-        selection = dataclasses.replace(selection, fits=fits, score=score)
+        selection = dataclasses.replace(selection, fits=fits, score=selection.score.without_free())
         selection.rescale(shooting.dof)

@@ -146,6 +146,15 @@ def motion_of(runs: Sequence[Run]) -> Motion | None:
 def forces_of(model: mujoco.MjModel, channels: Channels, motion: Motion, factors: Array) -> tuple[Array, Array]:
     """What a motion takes beyond the model's forces, and its motors and weights, root mean squares ``(C,)``, N m or N.
 
+    Args as of :func:`lacking_forces`.
+    """
+    both = lacking_forces(model, channels, motion, factors)
+    return tuple(np.sqrt(np.mean(np.square(some), axis=0)) for some in both)
+
+
+def lacking_forces(model: mujoco.MjModel, channels: Channels, motion: Motion, factors: Array) -> tuple[Array, Array]:
+    """What a motion takes beyond the model's forces, and the size of its motors and weights, ``(T, C)``, N m or N.
+
     Args:
         model: nominal.
         channels: the recorded joints.
@@ -171,4 +180,4 @@ def forces_of(model: mujoco.MjModel, channels: Channels, motion: Motion, factors
         known = data.qfrc_actuator + motion.force[row]
         missing.append((product + data.qfrc_bias - data.qfrc_passive - known)[channels.dof])
         there.append((np.abs(known) + np.abs(weight))[channels.dof])
-    return tuple(np.sqrt(np.mean(np.square(some), axis=0)) for some in (missing, there))
+    return np.stack(missing), np.stack(there)

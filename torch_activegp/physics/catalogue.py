@@ -57,12 +57,9 @@ def catalogue(
         ConfigurationError: a further class is of another kind, its name is on the list already, or its ``at`` does not
             take a place and a model or returns something else.
     """
-    pairs = ((place, kind) for place in joints for kind in JOINT_EFFECTS)
-    effects: list[Effect] = [kind.at(at, model) for at, kind in pairs if at.reverses or not kind.needs_reversal]
-    effects += [SoftCoulombFriction.at(place, model) for place in joints]
-    effects += [kind.at(place, model) for place in joints for kind in BACKLASH if kind.fits(place, model)]
-    effects += [kind.at(place, model) for place in actuators for kind in ACTUATION]
-    effects += [kind.at(place, model) for place in sensors for kind in SENSING]
+    listed = ((joints, (*JOINT_EFFECTS, SoftCoulombFriction, *BACKLASH)), (actuators, ACTUATION), (sensors, SENSING))
+    pairs = ((place, kind) for places, kinds in listed for place in places for kind in kinds)
+    effects: list[Effect] = [kind.at(place, model) for place, kind in pairs if kind.fits(place, model)]
     effects += body_effects(model)
     pulls = pulls_of_gravity(model)
     effects += [GravityError.along(*axes, pulls=pulls) for axes in _AXES]
@@ -73,7 +70,7 @@ def catalogue(
         if kind.name in taken:
             raise ConfigurationError(f"effects: the name {kind.name!r} of {kind.__name__} is taken. Give it another.")
         taken.add(kind.name)
-        effects += [_made(kind, place, model) for place in acts_on]
+        effects += [_made(kind, place, model) for place in acts_on if kind.fits(place, model)]
     return effects
 
 

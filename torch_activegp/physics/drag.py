@@ -83,8 +83,12 @@ class AsymmetricFriction(JointEffect):
     name = "asymmetric_friction"
     law = "-c+ v for v > 0, -c- v for v < 0"
     losses = frozenset({"positive", "negative"})
-    needs_reversal = True
     covers = ("viscous_friction",)
+
+    @classmethod
+    def fits(cls, place: Place, model: mujoco.MjModel) -> bool:
+        """Whether the joint goes both ways; what goes one way shows one level."""
+        return place.both_ways
 
     @classmethod
     def at(cls, place: Place, model: mujoco.MjModel) -> Self:

@@ -129,14 +129,17 @@ class Effect:
     """Place in which it is written into a model: on a drive, in the chain from its command to its force."""
     needs_past: ClassVar[bool] = False
     """Whether :meth:`memory` takes, as its fourth, the :class:`~torch_activegp.physics.rotor.Past`."""
-    needs_reversal: ClassVar[bool] = False
-    """Whether a joint must turn back to show it: else a spring, a force or a friction says the same."""
     losses: ClassVar[frozenset[str]] = frozenset()
     """Described amplitudes of what a machine has or has not: where all are negative, the simulator has too much."""
 
     def law_with(self, values: Array) -> str:
         """The law in words, with what its described parameters do not say, for parameters ``(P,)``."""
         return self.law
+
+    @classmethod
+    def fits(cls, place: Place, model: mujoco.MjModel) -> bool:
+        """Whether a place can have it, and the recordings would show it as something of its own there."""
+        return True
 
     @classmethod
     def at(cls, place: Place, model: mujoco.MjModel) -> Self:

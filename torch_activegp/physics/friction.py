@@ -174,8 +174,12 @@ class AsymmetricCoulomb(DryFriction):
     name = "asymmetric_friction"
     law = "-F+ for v > 0, +F- for v < 0, with sticking"
     losses = frozenset({"positive_level", "negative_level"})
-    needs_reversal = True
     covers = ("coulomb_friction",)
+
+    @classmethod
+    def fits(cls, place: Place, model: mujoco.MjModel) -> bool:
+        """Whether the joint goes both ways; what goes one way shows one level."""
+        return place.both_ways
 
     @classmethod
     def at(cls, place: Place, model: mujoco.MjModel) -> Self:

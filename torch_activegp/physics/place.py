@@ -22,7 +22,8 @@ class Place:
         dt: time between samples, s.
         qpos: address of the position.
         loss: the model's own ``frictionloss`` there.
-        reverses: whether the joint turns back in the recordings.
+        turns_back: whether a joint turns back within a recording, by more than a fiftieth of its range.
+        both_ways: whether it goes both ways, in one recording or in two.
     """
 
     target: str
@@ -37,7 +38,8 @@ class Place:
     dt: float = 0.01
     qpos: int = 0
     loss: float = 0.0
-    reverses: bool = True
+    turns_back: bool = True
+    both_ways: bool = True
 
     @property
     def item(self) -> str:

@@ -19,8 +19,12 @@ class Hysteresis(JointEffect):
 
     name = "hysteresis"
     never_negative = frozenset({"stiffness", "slip"})
-    needs_reversal = True
     law = "-k z, z follows q and slips at +-s"
+
+    @classmethod
+    def fits(cls, place: Place, model: mujoco.MjModel) -> bool:
+        """Whether the joint turns back in a run; else a spring or a force says the same."""
+        return place.turns_back
 
     @classmethod
     def at(cls, place: Place, model: mujoco.MjModel) -> Self:
