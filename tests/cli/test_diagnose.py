@@ -167,7 +167,7 @@ def test_the_sentence_comes_first_then_effects_ties_errors_and_files(run: Run, f
         "Fitted along and not named: armature_error at joint:slide.",
         "Each recording left out in turn: 2 of 2.",
         "Not explained: 2 % of the mismatch.",
-        "one step │ 0.2 │ 0.02 │ 0.019",
+        "one step (0.1 s) │ 0.2 │ 0.02 │ 0.019",
         f"free run │ 2.4 │ {MISSING} │ 0.002",
         "Next recording: a heavier load moves both apart Controls: next.csv.",
         "out holds corrected.xml, diagnosis.json, report.html, settings.json.",

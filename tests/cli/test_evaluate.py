@@ -88,7 +88,7 @@ def test_without_out_nothing_is_written(run: Run, folder: Path, calls: list[tupl
         (["rod.xml", "nowhere.csv"], "nowhere.csv: no such file"),
         (["rod.xml", "a.csv", "--columns", "nowhere.toml"], "nowhere.toml: no such file"),
         (["rod.xml", "a.csv", "a.csv"], "a.csv is given 2 times"),
-        (["rod.xml", "a.csv", "--out", "b.csv"], "holds earlier results (b.csv), which are never overwritten"),
+        (["rod.xml", "a.csv", "--out", "b.csv"], "b.csv is there already, and no file is ever overwritten"),
         (["rod.xml", "a.csv", "--out", "b.csv/c.json"], "found the file b.csv"),
         (["rod.xml"], "RECORDING"),
     ],

@@ -73,6 +73,16 @@ def test_a_stage_takes_the_place_of_the_one_before(path) -> None:
     assert asked == ["outer", "inner"]
 
 
+def test_what_another_input_left_is_told(path, caplog) -> None:
+    first = Checkpoint(path)
+    first.open("one")
+    first.once("stage", lambda: 1)
+    for key, told in (("one", False), ("other", True)):
+        caplog.clear()
+        Checkpoint(path).open(key)
+        assert ("starts anew and takes its place" in caplog.text) == told
+
+
 def test_what_another_input_left_does_not_count(path) -> None:
     opened(path).once("a", lambda: 1)
     assert opened(path, key="other").once("a", lambda: 2) == 2

@@ -17,6 +17,11 @@ from torch_activegp.simulators import Pendulum
 
 Record = Callable[..., Recording]
 
+NO_CONTROL = (
+    "no control is recorded (ctrl.drive); taken as 0. If the machine was driven, nothing can explain its motion so: "
+    "record them."
+)
+
 
 def test_a_right_model_errs_by_the_noise_and_a_wrong_one_by_more(record: Record) -> None:
     right = evaluate(model_text(), [record("none", 3)], nthread=1)
@@ -57,7 +62,10 @@ def test_what_was_decided_about_the_recordings_is_noted(record: Record) -> None:
     columns = {name: run[name] for name in run.columns if name != "ctrl.drive"}
     still = Recording.from_columns("b", columns, notes=("Columns left out: x.",))
     found = evaluate(model_text(), [run, still], nthread=1)
-    assert found["notes"] == ["b: Columns left out: x.", "b: no ctrl.drive; taken as 0."]
+    assert found["notes"] == [
+        "b: Columns left out: x.",
+        "b: " + NO_CONTROL,
+    ]
 
 
 def test_no_recording_is_refused() -> None:

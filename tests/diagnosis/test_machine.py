@@ -7,6 +7,11 @@ import pytest
 from torch_activegp.diagnosis.machine import check_given, make_machine
 from torch_activegp.errors import DataError
 
+NO_CONTROL = (
+    "no control is recorded (ctrl.drive); taken as 0. If the machine was driven, nothing can explain its motion so: "
+    "record them."
+)
+
 
 def test_given_runs_are_kept_apart(model, record) -> None:
     machine = make_machine(model, [record(name="a"), record(name="b")], [record(name="c")])
@@ -39,7 +44,7 @@ def test_of_few_runs_the_end_of_the_longest_is_set_aside(model, record) -> None:
 
 def test_a_control_that_is_missing_is_noted(model, record) -> None:
     machine = make_machine(model, [record(name="a", ctrl__drive=None)], [record()])
-    assert machine.notes == ("a: no ctrl.drive; taken as 0.",)
+    assert machine.notes == ("a: " + NO_CONTROL,)
     assert not machine.fit[0].control.any()
 
 

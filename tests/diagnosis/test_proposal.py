@@ -55,7 +55,19 @@ def test_the_ends_of_the_least_certain_parameter_are_four_standard_errors_apart(
     np.testing.assert_allclose(
         np.subtract(*(least_certain(wet, 4.0 / wet.information)[0][k].values[0] for k in (1, 0))), 8.0 * error
     )
+    assert f"{error:.2g} N m s/rad to {0.1 * error:.2g} N m s/rad or less" in telling.sentence(1e8)
     assert least_certain(wet, np.zeros((1, 1))) is None
+
+
+def test_a_number_that_has_no_name_is_told_by_its_effect(bench) -> None:
+    cogging = bench.effect("cogging")
+    fit = dataclasses.replace(
+        bench.nominal, effects=(cogging,), values=(np.full(len(cogging.parameters), 0.5),), information=np.eye(3)
+    )
+    _, telling = least_certain(fit, np.diag([1e-2, 1e-6, 1e-6]))
+    assert "cogging at joint:hip, whose standard errors these controls would bring to about 50 %" in telling.sentence(
+        48
+    )
 
 
 def test_other_parameters_follow_the_least_certain_one(bench, wet) -> None:

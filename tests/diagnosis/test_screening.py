@@ -158,3 +158,10 @@ def test_what_moves_nothing_gains_nothing(bench) -> None:
     for base in (bench.nominal, fit):
         (atom,) = screen(bench.shooting, base, [along]).atoms
         assert atom.gain == 0.0
+
+
+def test_a_vector_with_a_component_that_shows_nowhere_is_no_candidate(bench) -> None:
+    forms = {e.variant: e for e in bench.effects if e.name == "center_of_mass_offset"}
+    gain = {a.effect.variant: a.gain for a in screen(bench.shooting, bench.nominal, list(forms.values())).atoms}
+    assert min(gain["x"], gain["z"], gain["xz"]) > 0.0
+    assert gain["xy"] == gain["yz"] == 0.0

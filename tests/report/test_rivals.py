@@ -10,11 +10,11 @@ from torch_activegp.report.rivals import rivals
 @pytest.mark.parametrize(
     ("verdict", "heading"),
     [
-        ("none", "No effect improves on the simulator: the best is 7.9 BIC points worse"),
+        ("none", "No effect improves on the simulator: the best is 7.9 points worse"),
         (
             "named",
             "Coulomb friction at joint elbow and actuator delay at actuator shoulder_motor: "
-            "the next rival is 12 BIC points worse",
+            "the next rival is 12 points worse",
         ),
         ("tie", "Several explanations fit these recordings equally well"),
         ("unknown", "The best known explanation is not good enough"),

@@ -30,7 +30,7 @@ if TYPE_CHECKING:
 _PROGRESS, _LAST = ".progress", "settings.json"
 """What is kept of an unfinished diagnosis; the file that is written last."""
 _RESULTS = (_LAST, "diagnosis.json", "evidence.json", "report.html", "corrected*", "next.csv", "remainder.pt")
-_FORECASTS = {"one_step": "one step", "free_run": "free run"}
+_FORECASTS = {"one_step": "one step (0.1 s)", "free_run": "free run"}
 
 Values = Mapping[str, Any]
 
@@ -103,6 +103,8 @@ def diagnose(
         found = diagnosis.to_dict()
         assert checkpoint.path is not None
         folder = checkpoint.path.parent
+        if (folder / _LAST).exists():  # another call with the same --out was done first
+            folder = next_free(folder)
         with results_in(folder):
             diagnosis.save(folder)
             write_report(found, diagnosis.evidence, folder / "report.html")
@@ -235,11 +237,18 @@ def _parameter(name: str, found: Values) -> list[str]:
 
 
 def _errors(held_out: Values) -> Table:
+    learned = any(is_number((held_out.get(key) or {}).get("gp")) for key in _FORECASTS)
+    columns = {
+        "before": "before",
+        "after": "after",
+        **({"gp": "with remainder.pt"} if learned else {}),
+        "noise": "noise",
+    }
     table = Table()
     table.add_column("forecast", no_wrap=True)
-    for heading in ("before", "after", "noise"):
+    for heading in columns.values():
         table.add_column(heading, justify="right", no_wrap=True)
     for key, title in _FORECASTS.items():
         errors = held_out.get(key) or {}
-        table.add_row(title, *(number(errors.get(column)) for column in ("before", "after", "noise")))
+        table.add_row(title, *(number(errors.get(column)) for column in columns))
     return table

@@ -19,7 +19,7 @@ from torch_activegp.experiments.recorded import load_named
 from torch_activegp.experiments.workers import one_thread
 from torch_activegp.report.numbers import number
 
-_FORECASTS = {"one_step": "one step", "free_run": "free run"}
+_FORECASTS = {"one_step": "one step (0.1 s)", "free_run": "free run"}
 
 
 @app.command()
@@ -44,7 +44,7 @@ def evaluate(
     comes down to about that.
     """
     if out is not None:
-        check_free(out.parent, [glob.escape(out.name)])
+        check_free(out.parent, [glob.escape(out.name)], one_file=True)
     simulator = find_model(model)
     runs = load_named(recordings, columns)
     from torch_activegp.diagnosis import evaluate as evaluate_from

@@ -18,12 +18,13 @@ def next_free(folder: Path, goes_on: Callable[[Path], bool] = lambda _: False) -
     return next(path for path in names if goes_on(path) or not path.exists())
 
 
-def check_free(folder: Path, patterns: Sequence[str]) -> None:
+def check_free(folder: Path, patterns: Sequence[str], one_file: bool = False) -> None:
     """Check that results can be written to a folder, new or not, where none of an earlier run are.
 
     Args:
         folder: where to write.
         patterns: of the names of the results.
+        one_file: whether `--out` names a file.
 
     Raises:
         ConfigurationError: an earlier result is there, the folder is a file, or it cannot be written.
@@ -35,9 +36,10 @@ def check_free(folder: Path, patterns: Sequence[str]) -> None:
         raise ConfigurationError(f"{folder} cannot be written. Choose another --out, or mend its permissions.")
     found = sorted(path.name for pattern in patterns for path in folder.glob(pattern))
     if found:
-        raise ConfigurationError(
-            f"{folder} holds earlier results ({', '.join(found)}), which are never overwritten. Choose another --out."
-        )
+        there = f"{folder} holds earlier results ({', '.join(found)}), which are never overwritten."
+        if one_file:
+            there = f"{folder / found[0]} is there already, and no file is ever overwritten."
+        raise ConfigurationError(f"{there} Choose another --out.")
 
 
 @contextmanager

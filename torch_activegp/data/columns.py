@@ -31,6 +31,7 @@ from __future__ import annotations
 
 import dataclasses
 import difflib
+import re
 import tomllib
 from collections.abc import Mapping, Sequence
 from pathlib import Path
@@ -42,6 +43,8 @@ import pandas as pd
 from torch_activegp.data.checks import KINDS, check_finite, is_canonical
 from torch_activegp.data.units import unit_factor
 from torch_activegp.errors import DataError
+
+_COMMA = re.compile(r"[+-]?\d+,\d+")
 
 
 @dataclasses.dataclass(frozen=True)
@@ -217,10 +220,9 @@ def _floats(series: pd.Series, where: str, column: str) -> np.ndarray:
     numbers = pd.to_numeric(series, errors="coerce")
     text = np.flatnonzero((numbers.isna() & series.notna()).to_numpy() & (series.astype(str).str.lower() != "nan"))
     if text.size:
-        raise DataError(
-            f"{where}, row {text[0] + 1}, column `{column}`: a number wanted, found {series.iloc[text[0]]!r}. "
-            "Mend the cell or drop the row."
-        )
+        cell = series.iloc[text[0]]
+        mend = "Write decimal points." if _COMMA.fullmatch(str(cell)) else "Mend the cell or drop the row."
+        raise DataError(f"{where}, row {text[0] + 1}, column `{column}`: a number wanted, found {cell!r}. {mend}")
     values = numbers.to_numpy(dtype=np.float64, na_value=np.nan)
     check_finite(values, where, column)
     return values

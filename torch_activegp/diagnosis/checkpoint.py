@@ -64,6 +64,12 @@ class Checkpoint:
         if self.path is not None:
             found, stage = kept(self.path)
             self.stage = stage if found == key else None
+            if found not in (None, key):
+                _logger.warning(
+                    "%s keeps an interrupted diagnosis of other recordings, another model or other options. This one "
+                    "starts anew and takes its place.",
+                    self.path,
+                )
 
     def share(self, objects: Iterable[object]) -> None:
         """Names objects that the stages refer to and that every call makes anew, in the same order."""

@@ -94,9 +94,7 @@ def make_machine(
     notes += [f"{run.label}: {note}" for run in [*fit, *kept] for note in run.notes]
     _refuse_constant(fit, channels)
     if box is None:
-        notes += [*check_units(model, channels, fit), *check_units(model, channels, kept)]
-        check_signs(model, channels, fit)
-        notes += doubt_controls(model, channels, fit)
+        notes += _doubts(model, channels, fit, kept)
     else:
         check_recordings(box, [*recordings, *holdout])
         check_clock(box, [*fit, *kept])
@@ -114,13 +112,31 @@ def make_machine(
     return Machine(model, channels, tuple(fit), tuple(kept), tuple(dict.fromkeys(notes)), box)
 
 
+def _doubts(model: mujoco.MjModel, channels: Channels, fit: Sequence[Run], kept: Sequence[Run]) -> list[str]:
+    """Columns whose unit or sign is doubted; raises a `DataError` where it is surely another one."""
+    controls = doubt_controls(model, channels, fit)
+    try:
+        units = [*check_units(model, channels, fit), *check_units(model, channels, kept)]
+    except DataError as error:
+        if controls:  # a motion in mm takes what a force in kN would give
+            raise DataError(f"{error} Or another column is: {controls[0]}") from error
+        raise
+    check_signs(model, channels, fit)
+    return [*units, *controls]
+
+
 def recording_notes(model: mujoco.MjModel, recordings: Sequence[Recording]) -> list[str]:
     """What was read from each recording and what it lacks, in sentences."""
     notes = []
     for recording in recordings:
         notes += [f"{recording.label}: {note}" for note in recording.notes]
         missing = [f"ctrl.{name}" for name in input_addresses(model) if name not in recording.actuators]
-        if missing:
+        if missing and not recording.actuators:
+            notes.append(
+                f"{recording.label}: no control is recorded ({', '.join(missing)}); taken as 0. If the machine was "
+                "driven, nothing can explain its motion so: record them."
+            )
+        elif missing:
             notes.append(f"{recording.label}: no {', '.join(missing)}; taken as 0.")
         unseen = [joint for joint in recording.joints if f"qpos.{joint}" not in recording]
         notes += [

@@ -17,6 +17,9 @@ from torch_activegp.diagnosis.runs import Array, Run
 _RIVALS = 3
 _OPEN = 20.0
 """Rivals whose score is worse by more are ruled out."""
+_MOST = 0.1
+"""Least part that is promised of a standard error. Where motions part for ever, as those of two links that swing
+freely, the chi2 by which they differ promised 5e-4."""
 _ENDS = 2.0
 """Standard errors from a parameter's estimate to the ends that are to be told apart."""
 
@@ -77,14 +80,20 @@ def least_certain(fit: Fit, covariance: Array) -> tuple[list[Fit], Telling] | No
     ends = [np.clip(flat + side * moved, low, high) for side in (-1.0, 1.0)]
     effect, parameter = [(e, p) for e in fit.effects for p in e.parameters][place]
     known = parameter.name in effect.describe(fit.by_effect[effect])  # the sine of a cogging is no name for its users
-    what = f"{parameter.name if known else 'strength'} of {effect.name} at {effect.target}"
+    what = f"{parameter.name if known else 'part'} of {effect.name} at {effect.target}"
     unit = f" {parameter.unit}".rstrip()
 
     def sentence(gain: float) -> str:
-        narrower = error[place] / np.sqrt(1.0 + gain / (2.0 * _ENDS) ** 2)
+        share = max(1.0 / np.sqrt(1.0 + gain / (2.0 * _ENDS) ** 2), _MOST)
+        if not known:
+            return (
+                f"no rival is left; least certain is {effect.name} at {effect.target}, whose standard errors these "
+                f"controls would bring to about {100 * share:.2g} % of what they are"
+            )
+        narrower = f"{share * error[place]:.2g}{unit}"
         return (
             f"no rival is left; the least certain number is the {what}, whose standard error these controls would "
-            f"bring from {error[place]:.2g}{unit} to about {narrower:.2g}{unit}"
+            f"bring from {error[place]:.2g}{unit} to {f'about {narrower}' if share > _MOST else f'{narrower} or less'}"
         )
 
     fits = [dataclasses.replace(fit, values=split(fit.effects, end)) for end in ends]

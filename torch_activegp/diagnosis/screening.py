@@ -149,6 +149,8 @@ def screen(shooting: Shooting, fit: Fit, effects: Sequence[Effect]) -> Screen:
     for effect, seed, width in plan:
         where = slice(at, at + width)
         atoms.append(_atom(effect, seed, where, *gained_by(normal[where, where], gradient[where])))
+        if effect.vector and not np.diag(normal)[where].all():  # a component that shows nowhere: the others are enough
+            atoms[-1] = dataclasses.replace(atoms[-1], gain=0.0)
         at += width
     return Screen(tuple(atoms), normal, gradient)
 

@@ -27,7 +27,8 @@ def sentence(verdict: str, effects: Sequence[NamedEffect], details: Mapping[str,
         places = [place["target"] for place in details["location"][:1]]
         where = f", most of it at {places[0]}" if places else ""
         return (
-            f"The simulator and the recordings differ{where}, and no effect on the list explains it{_closest(details)}."
+            f"The simulator and the recordings differ{where}, and no effect on the list explains it"
+            f"{_closest(details)}{_learned(details)}."
         )
     share = sum(effect.share for effect in effects)
     parts = [
@@ -57,6 +58,17 @@ def _closest(details: Mapping[str, Any]) -> str:
     names = _joined([f"{effect['name']} at {effect['target']}" for effect in best["effects"]])
     return (
         f": {names} leave{'s' * (len(best['effects']) == 1)} {best['chi2_per_dof']:.3g} times the noise (chi2 per dof)"
+    )
+
+
+def _learned(details: Mapping[str, Any]) -> str:
+    """How much a learned force helps, where there is one."""
+    error = details["fit"]["holdout"]["free_run"]
+    if error.get("gp") is None:
+        return ""
+    return (
+        f"; with a force learned from the recordings (remainder.pt) the free-run error on held-out runs goes from "
+        f"{error['before']:.3g} to {error['gp']:.3g} (noise {error['noise']:.2g})"
     )
 
 

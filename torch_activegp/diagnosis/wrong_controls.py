@@ -63,9 +63,10 @@ def _doubt(name: str, factor: float) -> str:
         if power is None:
             return ""
         mend, what = f"scale = 1e{power}", "the unit seems to be another one"
+    column = f"ctrl.{name}"
     return (
-        f"Column `ctrl.{name}`: {what}. The machine moves as if {factor:.3g} times its force acted, whatever else is "
-        f'missing. If so, say it in a column map (--columns MAP.toml): ctrl.{name} = {{ column = "ctrl.{name}", {mend} }}.'
+        f"Column `{column}`: {what}. The machine moves as if {factor:.3g} times its force acted, whatever else is "
+        f'missing. If so, say it in a column map (--columns MAP.toml): {column} = {{ column = "{column}", {mend} }}.'
     )
 
 

@@ -57,7 +57,8 @@ def catalogue(
         ConfigurationError: a further class is of another kind, its name is on the list already, or its ``at`` does not
             take a place and a model or returns something else.
     """
-    listed = ((joints, (*JOINT_EFFECTS, SoftCoulombFriction, *BACKLASH)), (actuators, ACTUATION), (sensors, SENSING))
+    on_joints: tuple[type[Effect], ...] = (*JOINT_EFFECTS, SoftCoulombFriction, *BACKLASH)
+    listed = ((joints, on_joints), (actuators, ACTUATION), (sensors, SENSING))
     pairs = ((place, kind) for places, kinds in listed for place in places for kind in kinds)
     effects: list[Effect] = [kind.at(place, model) for place, kind in pairs if kind.fits(place, model)]
     effects += body_effects(model)

@@ -45,8 +45,8 @@ def _heading(diagnosis: Values, found: list[Values], named: frozenset[Any]) -> s
     if gap is None:
         return "The explanations compared"
     if diagnosis["verdict"] == "none":
-        return f"No effect improves on the simulator: the best is {number(gap, 2)} BIC points worse"
-    return f"{capital(effects_text(found[0]['effects']))}: the next rival is {number(gap, 2)} BIC points worse"
+        return f"No effect improves on the simulator: the best is {number(gap, 2)} points worse"
+    return f"{capital(effects_text(found[0]['effects']))}: the next rival is {number(gap, 2)} points worse"
 
 
 def _row(rival: Values, best: Values, named: frozenset[Any]) -> dict[str, Any]:
