@@ -142,6 +142,18 @@ def test_effects_are_independent_where_each_adds_what_the_others_do_not_make_up(
     assert found == [*atoms[:kept], atoms[2]]
 
 
+def test_what_would_need_less_than_nothing_gains_nothing_within_bounds(bench, screened) -> None:
+    """The rod hangs in a joint with little damping of its own; with a mirrored gradient it would want much less."""
+    damping = next(a for a in screened.best() if a.effect.key == ("viscous_friction", "joint:hip"))
+    spring = next(a for a in screened.best() if a.effect.name == "cubic_spring")
+    for some in ([damping], [damping, spring]):
+        assert screened.possible_gain(some) == pytest.approx(screened.joint_gain(some), rel=1e-6)
+    mirrored = dataclasses.replace(screened, gradient=-screened.gradient)
+    least = damping.effect.parameters[0].low
+    assert mirrored.possible_gain([damping]) < 0.5 * mirrored.joint_gain([damping])
+    assert abs(least) < 0.2 * abs(damping.values[0])
+
+
 def test_gains_on_a_part_are_told_as_on_all_data(screened) -> None:
     twice = screened.times(2.0)
     one, two = screened.best()[:2], twice.best()[:2]

@@ -7,6 +7,7 @@ from collections.abc import Iterable, Iterator, Mapping, Sequence
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy import optimize
 
 from torch_activegp.diagnosis.elimination import UNSEEN, eliminate, gained_by, invert, project, scaled, wald
 from torch_activegp.diagnosis.fit import Fit
@@ -28,6 +29,8 @@ _Row = tuple[Shooting, Fit, Linearization]
 _ALIKE = 1e-3
 """Least part of an effect that others do not make up. Of a drive's bias, a constant force on a slide that struck things
 left 7e-5, and the two were fitted 50 N and -49 N; of all other corrections there, at least 0.3 was left."""
+_ROOM = 1e-9
+"""Between amplitudes that may be zero alone."""
 _MOST_BYTES = 60_000_000
 """Of the columns that are tested side by side."""
 
@@ -81,6 +84,18 @@ class Screen:
     def joint_gain(self, atoms: Sequence[Atom]) -> float:
         """What several atoms gain together."""
         return self.together(atoms)[0]
+
+    def possible_gain(self, atoms: Sequence[Atom]) -> float:
+        """What several atoms gain together within the bounds of their amplitudes: no damping is below zero."""
+        index = _columns_of(atoms)
+        matrix, scale = scaled(self.normal[np.ix_(index, index)])
+        value, vector = np.linalg.eigh(matrix)
+        root = np.sqrt(np.where(value > UNSEEN, value, np.inf))
+        design = np.where(np.isfinite(root), root, 0.0)[:, None] * vector.T * scale
+        wanted = vector.T @ (self.gradient[index] / scale) / root
+        ends = np.concatenate([_amplitude_bounds(atom) for atom in atoms], axis=1)
+        found = optimize.lsq_linear(design, wanted, (ends[0], ends[1]))
+        return float((wanted**2).sum() - 2.0 * found.cost)
 
     def losses(self, atoms: Sequence[Atom]) -> list[float]:
         """What the others lose without each of several atoms (Wald statistics)."""
@@ -198,6 +213,15 @@ def _atom(effect: Effect, seed: Array, where: slice, gain: float, amplitude: Arr
 def _is_a_size(effect: Effect) -> bool:
     """Whether all that an effect has is a size without an amplitude, such as a delay's."""
     return not effect.linear and len(effect.parameters) == 1 and not effect.parameters[0].place
+
+
+def _amplitude_bounds(atom: Atom) -> Array:
+    """Least and largest amplitudes in units of its columns, ``(2, n)``."""
+    effect, count = atom.effect, atom.columns.stop - atom.columns.start
+    if not effect.linear:
+        return np.array([[-np.inf], [np.inf]])
+    ends = np.array([[p.low, p.high] for p in effect.parameters[:count]]).T / units_of(effect, atom.seed)
+    return np.sort(ends, axis=0) + np.array([[-_ROOM], [_ROOM]])
 
 
 def _with_amplitude(effect: Effect, seed: Array, amplitude: Array) -> Array:

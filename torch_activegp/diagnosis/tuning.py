@@ -68,8 +68,8 @@ def beside(screened: Screen, price: float, alone: float, together: float) -> lis
 def _hide(screened: Screen, some: Sequence[Atom]) -> bool:
     """Whether tunable effects gain much less alone than beside the first one, to first order."""
     atom, *tunable = some
-    added = screened.joint_gain(some) - screened.joint_gain([atom])
-    return screened.joint_gain(tunable) < _bar(_LIKELY, len(tunable)) * added
+    added = screened.possible_gain(some) - screened.possible_gain([atom])
+    return screened.possible_gain(tunable) < _bar(_LIKELY, len(tunable)) * added
 
 
 def _overdamped(fit: Fit, effects: Sequence[Effect]) -> bool:
@@ -85,8 +85,11 @@ def _bar(shares: Sequence[float], count: int) -> float:
 
 
 def at_an_optimum(screened: Screen, explained: float) -> bool:
-    """Whether all that is tunable gains little on top of the nominal, next to what is explained: as after a tuning."""
-    return screened.joint_gain(screened.best()) < _OPTIMUM * explained
+    """Whether all that is tunable gains little on top of the nominal, next to what is explained: as after a tuning.
+
+    Within its bounds: a damping that was tuned to zero would gain much below.
+    """
+    return screened.possible_gain(screened.best()) < _OPTIMUM * explained
 
 
 def undone(fit: Fit, screened: Screen, price: float) -> list[Set]:
