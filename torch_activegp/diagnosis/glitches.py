@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from typing import NamedTuple
 
 import numpy as np
 import torch
@@ -15,21 +16,31 @@ _MOST = 0.05
 """Part of the rows. Where more lie apart it is not for a moment: that is how the recorder works."""
 
 
-def glitches(time: Array, position: Array, noise: Array) -> NDArray[np.bool_]:
-    """Whether each position is a glitch.
+class Glitches(NamedTuple):
+    """What was found.
+
+    Args:
+        lost: whether each position is a glitch, ``(T, C)``.
+        kept: part of the rows that lie apart in a channel and count all the same, for they are too many, ``(C,)``.
+    """
+
+    lost: NDArray[np.bool_]
+    kept: Array
+
+
+def glitches(time: Array, position: Array, noise: Array) -> Glitches:
+    """Which positions are glitches; none in a channel where more than 5 % of the rows lie apart.
 
     Args:
         time: ``(T,)``, s.
         position: ``(T, C)``.
         noise: standard deviations, ``(C,)``.
-
-    Returns:
-        ``(T, C)``; none in a channel where that would be more than 5 % of the rows.
     """
     clock = torch.from_numpy(time.copy())
     each = zip(position.T, noise, strict=True)
     found = np.stack([outlying(torch.from_numpy(signal.copy()), clock, float(sigma)) for signal, sigma in each], axis=1)
-    return np.asarray(found & (found.mean(axis=0) <= _MOST))
+    share = found.mean(axis=0)
+    return Glitches(np.asarray(found & (share <= _MOST)), np.where(share > _MOST, share, 0.0))
 
 
 def bridged(time: Array, position: Array, lost: NDArray[np.bool_]) -> Array:
@@ -43,12 +54,17 @@ def bridged(time: Array, position: Array, lost: NDArray[np.bool_]) -> Array:
     )
 
 
-def in_words(time: Array, lost: NDArray[np.bool_], joints: Sequence[str]) -> tuple[str, ...]:
-    """What was left out, a sentence for each channel."""
+def in_words(time: Array, found: Glitches, joints: Sequence[str]) -> tuple[str, ...]:
+    """What was left out, a sentence for each channel, and what was not although it looks like glitches."""
     out = []
-    for joint, gone in zip(joints, lost.T, strict=True):
+    for joint, gone, kept in zip(joints, found.lost.T, found.kept, strict=True):
         if count := int(gone.sum()):
             what = f"{count} rows left out, the first" if count > 1 else "a row left out,"
             where = f"at {time[gone][0]:.6g} s"
             out.append(f"{what} {where}: qpos.{joint} is far from where the rows around it put it.")
+        if kept:
+            out.append(
+                f"{100 * kept:.0f} % of the rows of qpos.{joint} are far from where the rows around put them. They "
+                "count as they are, for they are too many for glitches: look at that sensor."
+            )
     return tuple(out)

@@ -179,14 +179,14 @@ def _laid(recording: Recording, model: mujoco.MjModel, channels: Channels, smoot
         if column.startswith("qfrc."):
             force[:, _dof(model, recording.label, column)] = recording[column].numpy()
     noise = np.array([noise_std(torch.from_numpy(signal.copy()), recording.time) for signal in position.T])
-    lost = glitches(time, position, noise)
-    position = bridged(time, position, lost)
+    found = glitches(time, position, noise)
+    position = bridged(time, position, found.lost)
     slopes, values = zip(
         *(smoother(time, signal, sigma) for signal, sigma in zip(position.T, noise, strict=True)), strict=True
     )
     index, clock = _filled(time)
     glitch = np.zeros_like(index)
-    glitch[index] = lost.any(axis=1)
+    glitch[index] = found.lost.any(axis=1)
     held = np.minimum(np.searchsorted(time, clock + 1e-12, side="right") - 1, len(time) - 1)
     return Run(
         label=recording.label,
@@ -200,7 +200,7 @@ def _laid(recording: Recording, model: mujoco.MjModel, channels: Channels, smoot
         noise=noise,
         video=recording.video,
         glitch=glitch if glitch.any() else None,
-        notes=in_words(time, lost, channels.joints),
+        notes=in_words(time, found, channels.joints),
     )
 
 
