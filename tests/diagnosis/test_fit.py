@@ -72,3 +72,10 @@ def test_a_part_of_a_fit_whose_simulation_failed_has_failed_or_not(bench) -> Non
     failed = dataclasses.replace(bench.nominal, per_segment=per_segment, chi2=np.inf)
     assert failed.pick(np.array([0, 1])).chi2 == np.inf
     assert failed.pick(np.array([0, 2])).chi2 == per_segment[[0, 2]].sum()
+
+
+def test_some_segments_begin_elsewhere(bench) -> None:
+    which, before = np.array([1, 3]), bench.nominal.starts.copy()
+    other = bench.nominal.beginning(which, before[which] + 1.0)
+    assert np.flatnonzero((other.starts != before).any(axis=1)).tolist() == [1, 3]
+    np.testing.assert_array_equal(bench.nominal.starts, before)

@@ -101,16 +101,23 @@ def on_a_part(
     if chosen.score.scale > most:
         return naming
     if chosen.best.effects and chosen.score.scale > NOISE_ALONE:
-        sets, free = leaders(chosen), chosen.score.free  # behind them another form may agree better
-        engine, shooting, nominal, judged = numerics.choose(shooting.segments, noise, nominal, nominal, sets)
-        naming = dataclasses.replace(naming, engine=engine, shooting=shooting, nominal=nominal, judged=judged)
-        part, which = _part(shooting, nominal)
-        here, there = nominal.pick(which), judged.pick(which)
-        seen = part.fit([(there.effects, there.values)], there.starts, near=there)[0]
+        sets, free, seen = leaders(chosen), chosen.score.free, chosen.best
+        if _explains(chosen, part):  # behind them another form may agree better
+            engine, shooting, nominal, judged = numerics.choose(shooting.segments, noise, nominal, nominal, sets)
+            naming = dataclasses.replace(naming, engine=engine, shooting=shooting, nominal=nominal, judged=judged)
+            part, which = _part(shooting, nominal)
+            rough, there = nominal.pick(which), judged.pick(which)
+            seen = part.fit([(there.effects, there.values)], there.starts, near=there)[0]
         others = besides(sets, seen)
-        chosen = select(part, effects, here, others, seen, tell, free, Depth(swaps=0))  # swaps come with all data
+        chosen = select(part, effects, rough, others, seen, tell, free, Depth(swaps=0))  # swaps come with all data
     best, lost = frozenset(chosen.best.effects), hopeless(chosen, part)
     return dataclasses.replace(naming, sets=leaders(chosen), free=chosen.score.free, best=best, lost=lost)
+
+
+def _explains(selection: Selection, shooting: Shooting) -> bool:
+    """Whether the best set explains the larger part of the mismatch: what a form leaves behind others says nothing."""
+    there, left = (fit.chi2 - shooting.dof for fit in (selection.nominal, selection.best))
+    return left < 0.5 * there
 
 
 def _part(shooting: Shooting, nominal: Fit) -> tuple[Shooting, NDArray[np.int64]]:

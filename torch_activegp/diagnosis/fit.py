@@ -103,6 +103,12 @@ class Fit:
             place += len(value)
         return out
 
+    def beginning(self, which: NDArray[np.int64], states: Array) -> Fit:
+        """The same with other initial states ``(n, nq + nv)`` in some segments, ``(n,)``."""
+        starts = self.starts.copy()
+        starts[which] = states
+        return dataclasses.replace(self, starts=starts)
+
     def pick(self, which: NDArray[np.int64] | NDArray[np.bool_]) -> Fit:
         """What it is on some of the segments; its information is still that of all."""
         per_segment = self.per_segment[which]

@@ -115,7 +115,7 @@ class Numerics(Forms):
             return *known, nominal, near
         if first.segments.size < segments.size:
             part = _telling(whole, working, nominal, nominal.pick(which))
-            near, nominal = near.pick(part), nominal.pick(part)
+            near, nominal = near.beginning(which, judged.starts).pick(part), nominal.pick(part)
             if not np.array_equal(part, which):
                 working = dataclasses.replace(whole.pick(part), engine=working.engine)
                 begin = dataclasses.replace(near, effects=judged.effects, values=judged.values, columns=None)
