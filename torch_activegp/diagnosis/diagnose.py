@@ -155,7 +155,7 @@ def _report(
         "next_experiment": None if proposal is None else proposal[0],
         "model": {"name": source.name, "source": source.path},
         "recordings": _recordings(machine),
-        "notes": [*machine.notes, *search_notes(explanation), *_remainder_note(outcome), *verdict.notes],
+        "notes": [*machine.notes, *search_notes(explanation, machine.model), *_remainder_note(outcome), *verdict.notes],
         "rivals": _rivals(explanation, judgement),
         "retuned": _retuned(explanation, judgement),
         "mjcf_diff": difference if chosen.effects else None,

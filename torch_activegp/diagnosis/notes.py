@@ -29,11 +29,16 @@ _CUT_SHORT = (
 )
 
 
-def search_notes(explanation: Explanation) -> list[str]:
-    """What to know of the numerics, of the part of the data that was used, and of a search that was cut short."""
+def search_notes(explanation: Explanation, model: mujoco.MjModel) -> list[str]:
+    """What to know of the numerics, of the part of the data that was used, and of a search that was cut short.
+
+    Args:
+        explanation: what was found, and how.
+        model: as it was given, with its own integrator.
+    """
     cut_short = [_CUT_SHORT] if explanation.selection.cut_short else []
     part = _part_note(explanation.shooting.segments)
-    return [*_numerics_note(explanation), *part, *cut_short, *_one_way_notes(explanation.effects)]
+    return [*_numerics_note(explanation, model), *part, *cut_short, *_one_way_notes(explanation.effects)]
 
 
 def _one_way_notes(effects: Sequence[Effect]) -> list[str]:
@@ -59,7 +64,7 @@ def _part_note(segments: Segments) -> list[str]:
     ]
 
 
-def _numerics_note(explanation: Explanation) -> list[str]:
+def _numerics_note(explanation: Explanation, model: mujoco.MjModel) -> list[str]:
     if not explanation.fine:
         return []
     engine = explanation.engine
@@ -71,8 +76,9 @@ def _numerics_note(explanation: Explanation) -> list[str]:
         ]
     firmly = " and with dry friction in its joints that sticks firmly, where MuJoCo lets it creep" * explanation.firm
     return [
-        f"The recordings agree better with the model integrated {_how(explanation)} than in its own time step of "
-        f"{engine.model.opt.timestep:g} s{firmly}; that difference is one of numerics and is not named."
+        f"The recordings agree better with the model integrated {_how(explanation)}{firmly} than as it stands (by "
+        f"{_SCHEMES[int(model.opt.integrator)]} in steps of {model.opt.timestep:g} s); that difference is one of "
+        "numerics and is not named."
     ]
 
 
