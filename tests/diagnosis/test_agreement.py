@@ -87,3 +87,32 @@ def test_a_correction_must_hold_where_the_recordings_begin_too(clean, forms, mon
     assert away or error == 0.0
     far = dataclasses.replace(fit, chi2=1e9 * working.dof)  # beside what is missing it does not count
     assert agreement.is_close(working, far, many)
+
+
+@pytest.mark.parametrize(("who", "far"), [("cheap", True), ("precise", True), ("both", False)])
+def test_forms_of_which_one_alone_fails_are_far_apart(clean, forms, monkeypatch, who: str, far: bool) -> None:
+    few, _, many = forms
+    precise = dataclasses.replace(clean.shooting, engine=many)
+    fit = precise.fit([((), ())], clean.nominal.starts)[0]
+    working = dataclasses.replace(precise, engine=few).corrected(many, fit)
+    predicted = Shooting.predicted
+    lost = {"cheap": [few], "precise": [many], "both": [few, many]}[who]
+
+    def fails(shooting: Shooting, other) -> np.ndarray:
+        out = predicted(shooting, other)
+        if any(shooting.engine is engine for engine in lost) and other is not fit:
+            out[3] = np.nan
+        return out
+
+    monkeypatch.setattr(Shooting, "predicted", fails)
+    assert np.isinf(agreement.drift(working, precise, fit)) == far
+    assert agreement.is_close(working, fit, many) != far
+
+
+def test_what_is_not_recorded_stays_where_the_fit_has_it(clean, forms) -> None:
+    bias = clean.effect("sensor_bias", "sensor:hip")
+    precise = dataclasses.replace(clean.shooting, engine=forms[-1])
+    fit = precise.fit([((bias,), (np.array([0.2]),))], clean.nominal.starts, hold=True)[0]
+    states = agreement._as_recorded(precise, fit)
+    nq = clean.engine.model.nq
+    np.testing.assert_allclose(states[:, :nq], precise.engine.starts(precise.segments)[:, :nq] - 0.2, atol=1e-9)
