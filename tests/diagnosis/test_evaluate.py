@@ -61,11 +61,17 @@ def test_what_was_decided_about_the_recordings_is_noted(record: Record) -> None:
     run = record("none", 3, "a")
     columns = {name: run[name] for name in run.columns if name != "ctrl.drive"}
     still = Recording.from_columns("b", columns, notes=("Columns left out: x.",))
-    found = evaluate(model_text(), [run, still], nthread=1)
+    position = run["qpos.hip"].clone()
+    position[50] += 0.5
+    found = evaluate(model_text(), [run.replace({"qpos.hip": position}), still], nthread=1)
     assert found["notes"] == [
+        f"a: a row left out, at {run.time[50]:.6g} s: qpos.hip is far from where the rows around it put it.",
         "b: Columns left out: x.",
         "b: " + NO_CONTROL,
     ]
+    assert found["free_run"]["error"] == pytest.approx(
+        evaluate(model_text(), [run, still])["free_run"]["error"], rel=0.1
+    )
 
 
 def test_no_recording_is_refused() -> None:

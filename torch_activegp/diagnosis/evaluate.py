@@ -56,7 +56,8 @@ def evaluate(model: object, recordings: Sequence[Recording], nthread: int = 0) -
         engine = BlackBoxEngine(source.box, channels, check_clock(source.box, runs))
     noise = noise_floor(runs)
     errors, _ = compare({"error": (engine, NOMINAL)}, runs, channels.joints, noise)
-    notes = [*doubts, *_notes(source.model, channels, recordings)]
+    left_out = [f"{run.label}: {note}" for run in runs for note in run.notes]
+    notes = [*doubts, *left_out, *_notes(source.model, channels, recordings)]
     return {**{key: errors[key] for key in ("runs", "one_step", "free_run")}, "notes": notes}
 
 

@@ -121,7 +121,8 @@ class Cogging(JointEffect):
     def starts_beside(self, values: Array) -> list[Array]:
         """The same with the whole numbers of periods a turn on both sides.
 
-        A motor has no other that drives its joint directly. Waves that differ by one over the range look alike, so that a fit may end at another number: at 22.8 for 23.
+        A motor has no other that drives its joint directly. Waves that differ by one over the range look alike, so that
+        a fit may end at another number: at 22.8 for 23.
         """
         first = self.linear
         if first > 2 or self.parameters[first].unit != "1/turn":
