@@ -27,6 +27,20 @@ def test_a_worse_correction_is_not_praised(fakes: Any) -> None:
 
 
 @pytest.mark.parametrize(
+    ("after", "gp", "words"),
+    [
+        (0.18, 0.03, "the error falls from 31 % to 18 %, and with a learned force to 3 %"),
+        (0.31, 0.03, "the error falls with a learned force from 31 % to 3 %"),
+        (0.18, 0.2, "the error falls from 31 % to 18 %"),
+    ],
+)
+def test_what_a_learned_force_gains_is_told(fakes: Any, after: float, gp: float, words: str) -> None:
+    diagnosis, evidence = fakes["unknown"]()
+    diagnosis["fit"]["holdout"]["free_run"] |= {"before": 0.31, "after": after, "gp": gp}
+    assert traces(diagnosis, evidence).heading.replace("\u00a0", " ").endswith(words)
+
+
+@pytest.mark.parametrize(
     ("after", "words"), [(0.00215, "to the noise"), (0.003, "to 1.5 times the noise, 0.3 %"), (0.01, "to 1 %")]
 )
 def test_the_noise_is_what_is_close_to_it(fakes: Any, after: float, words: str) -> None:

@@ -46,3 +46,12 @@ def test_little_is_said_of_little() -> None:
 def test_a_wrong_verdict_is_refused() -> None:
     with pytest.raises(DataError, match="found None"):
         banner({})
+
+
+def test_the_error_with_a_learned_force_comes_last(fakes: Any) -> None:
+    diagnosis, _ = fakes["unknown"]()
+    diagnosis["fit"]["holdout"]["free_run"] |= {"before": 0.31, "after": 0.31, "gp": 0.03}
+    diagnosis["effects"] = []
+    figure = banner(diagnosis)["figures"][-1]
+    assert figure["value"].replace("\u00a0", " ") == "31 % \u2192 3 %"
+    assert "the last with a learned force" in figure["note"]

@@ -50,6 +50,10 @@ def _heading(diagnosis: Values, holdout: Values) -> str:
         return f"On runs that it never saw, the simulator is off by {percent(before)} of the motion"
     if not (is_number(before) and is_number(after)):
         return "Forecasts of runs that the fit never saw"
+    if is_number(learned := error.get("gp")) and learned < after:
+        step = "" if after >= before else f" to {percent(after)}, and with a learned force"
+        verb = "falls" if step else "falls with a learned force"
+        return f"On runs that the fit never saw, the error {verb} from {percent(before)}{step} to {percent(learned)}"
     verb = "falls" if after < before else "goes"
     if is_number(noise) and noise > 0.0 and after <= _NEAR * noise:
         level = "the noise" if after <= _AT * noise else f"{number(after / noise, 2)} times the noise"

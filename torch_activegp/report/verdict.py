@@ -84,9 +84,11 @@ def _forecasts(diagnosis: Values) -> list[dict[str, str]]:
         before, after = error.get("before"), error.get("after")
         if not is_number(before):
             continue
-        changed = is_number(after) and diagnosis.get("effects")
-        value = f"{percent(before)} \u2192 {percent(after)}" if changed else percent(before)
-        note = f"of the signal's spread; noise {percent(error.get('noise'))}"
+        learned, named = error.get("gp"), bool(is_number(after) and diagnosis.get("effects"))
+        steps = [before, *([after] if named else []), *([learned] if is_number(learned) else [])]
+        value = " \u2192 ".join(map(percent, steps))
+        last = "; the last with a learned force" if is_number(learned) else ""
+        note = f"of the signal's spread{last}; noise {percent(error.get('noise'))}"
         found.append({"value": value, "label": label, "note": note})
     return found[:1]
 
