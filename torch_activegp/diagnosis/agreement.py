@@ -26,6 +26,8 @@ _SETTLED = 0.01
 """Part of chi2 by which a correction must change a fit for another one."""
 _ROUNDS = 6
 """Corrections of a form at most, while its fit gets better and leaves little more than noise; else two."""
+_CREEPS = 20
+"""Rounds of a fit by which forms are compared: what creeps further, as on a machine that strikes, does so by any."""
 _SAME = 0.02
 """Part of chi2 by which fits may differ that are called the same."""
 _MUCH = 2.0
@@ -100,7 +102,7 @@ def settled(
     for number in range(_ROUNDS):
         before = judged.chi2
         working, exact = working.corrected(engine, judged, exact), None
-        judged = working.fit([(judged.effects, judged.values)], judged.starts, near=judged)[0]
+        judged = working.fit([(judged.effects, judged.values)], judged.starts, _CREEPS, near=judged)[0]
         if judged.chi2 > lost:
             return working, judged
         if working.engine is engine:  # no correction to take anew
