@@ -21,6 +21,17 @@ def test_a_stop_pushes_back_past_its_position_and_never_pulls(bench: Any, kind: 
     assert (effect.force(position, 0.0 * position - side * 1e3, values) == 0.0).all()  # leaving
 
 
+@pytest.mark.parametrize("kind", [JointStop, LowerJointStop])
+def test_a_joint_is_not_always_behind_its_stop(bench: Any, kind: Any) -> None:
+    """Its damper would be a friction that differs between the directions."""
+    effect, (low, high) = kind.at(bench.shoulder, bench.model), bench.shoulder.position
+    stop = effect.parameters[2]
+    ends = (low, high) if kind.side > 0 else (-high, -low)
+    assert stop.high == ends[1]
+    assert stop.low == pytest.approx(ends[1] - 0.6 * (high - low))
+    assert all(stop.low < seed[2] < stop.high for seed in effect.seeds)
+
+
 @pytest.mark.parametrize(("kind", "within"), [(JointStop, (0.1, np.inf)), (LowerJointStop, (-np.inf, -0.1))])
 def test_it_acts_past_its_position_alone(bench: Any, kind: Any, within: Any) -> None:
     acting = kind.at(bench.shoulder, bench.model).acts(np.array([60.0, 0.5, 0.1]))

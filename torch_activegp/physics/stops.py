@@ -15,6 +15,9 @@ from torch_activegp.physics.place import Place
 
 _STOP_PLACES, _HARDEST = 12, 0.0024
 """From so little of the recorded range: a hard stop that was struck twice gave way by 1 mm of 1 m."""
+_DEEPEST = 0.6
+"""Part of the range behind a stop at most. On a drive that was always behind one (EMPS), its damper was what a viscous
+friction has more of in one direction."""
 _SOFT, _BOUNCES = 0.1, 0.2
 """Part of a hard stop's stiffness from which on another stop is hard itself; damping of a hard one, of half the
 critical."""
@@ -50,7 +53,9 @@ class JointStop(JointEffect):
             Parameter(
                 "damping", f"{place.force_unit} s/{place.position_unit}", 0.2 * place.force / place.speed, low=0.0
             ),
-            Parameter("position", place.position_unit, 0.01 * width, low=low, high=high, place=True),
+            Parameter(
+                "position", place.position_unit, 0.01 * width, low=high - _DEEPEST * width, high=high, place=True
+            ),
         )
         places = high - width * np.geomspace(_HARDEST, 0.45, _STOP_PLACES)
         seeds = [[stiffness, 0.1 * place.force / place.speed, position] for position in places]
