@@ -30,7 +30,7 @@ if TYPE_CHECKING:
 _PROGRESS, _LAST = ".progress", "settings.json"
 """What is kept of an unfinished diagnosis; the file that is written last."""
 _RESULTS = (_LAST, "diagnosis.json", "evidence.json", "report.html", "corrected*", "next.csv", "remainder.pt")
-_FORECASTS = {"one_step": "one step (0.1 s)", "free_run": "free run"}
+FORECASTS = {"one_step": "one step (0.1 s)", "free_run": "free run"}
 
 Values = Mapping[str, Any]
 
@@ -178,7 +178,7 @@ def _show(found: Values) -> None:
     if is_number(rest) and found.get("verdict") != "none":
         _say(f"Not explained: {percent(rest)} of the mismatch.")
     held_out = (found.get("fit") or {}).get("holdout") or {}
-    if any(held_out.get(key) for key in _FORECASTS):
+    if any(held_out.get(key) for key in FORECASTS):
         _say("Errors on held-out recordings, in standard deviations of what was measured:")
         results.print(_errors(held_out))
     following = found.get("next_experiment")
@@ -237,7 +237,7 @@ def _parameter(name: str, found: Values) -> list[str]:
 
 
 def _errors(held_out: Values) -> Table:
-    learned = any(is_number((held_out.get(key) or {}).get("gp")) for key in _FORECASTS)
+    learned = any(is_number((held_out.get(key) or {}).get("gp")) for key in FORECASTS)
     columns = {
         "before": "before",
         "after": "after",
@@ -248,7 +248,7 @@ def _errors(held_out: Values) -> Table:
     table.add_column("forecast", no_wrap=True)
     for heading in columns.values():
         table.add_column(heading, justify="right", no_wrap=True)
-    for key, title in _FORECASTS.items():
+    for key, title in FORECASTS.items():
         errors = held_out.get(key) or {}
         table.add_row(title, *(number(errors.get(column)) for column in columns))
     return table

@@ -11,6 +11,7 @@ import typer
 from rich.table import Table
 
 from torch_activegp.cli.app import app, console, results
+from torch_activegp.cli.diagnose import FORECASTS
 from torch_activegp.cli.folders import check_free, results_in
 from torch_activegp.cli.models import find_model
 from torch_activegp.cli.options import RECORDINGS, Columns, Model, place
@@ -18,8 +19,6 @@ from torch_activegp.experiments.output import write_json
 from torch_activegp.experiments.recorded import load_named
 from torch_activegp.experiments.workers import one_thread
 from torch_activegp.report.numbers import number
-
-_FORECASTS = {"one_step": "one step (0.1 s)", "free_run": "free run"}
 
 
 @app.command()
@@ -64,7 +63,7 @@ def _table(errors: Mapping[str, Any], model: str) -> Table:
     table = Table(title=f"Errors of {model}", caption="in standard deviations of what was measured")
     for heading in ("recording", "position"):
         table.add_column(heading, overflow="fold")
-    for title in _FORECASTS.values():
+    for title in FORECASTS.values():
         table.add_column(title, justify="right", no_wrap=True)
         table.add_column("noise", justify="right", no_wrap=True)
     runs = errors["runs"]
@@ -75,4 +74,4 @@ def _table(errors: Mapping[str, Any], model: str) -> Table:
 
 
 def _cells(errors: Mapping[str, Any]) -> list[str]:
-    return [number((errors.get(key) or {}).get(column)) for key in _FORECASTS for column in ("error", "noise")]
+    return [number((errors.get(key) or {}).get(column)) for key in FORECASTS for column in ("error", "noise")]

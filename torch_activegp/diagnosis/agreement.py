@@ -11,6 +11,7 @@ import numpy as np
 from torch_activegp.diagnosis.chaining import chained
 from torch_activegp.diagnosis.engine import Engine
 from torch_activegp.diagnosis.fit import Fit
+from torch_activegp.diagnosis.readings import readings
 from torch_activegp.diagnosis.runs import Array
 from torch_activegp.diagnosis.shooting import Shooting
 
@@ -183,9 +184,12 @@ def drift(working: Shooting, precise: Shooting, fit: Fit) -> float:
 
 def _as_recorded(shooting: Shooting, fit: Fit) -> Array:
     """The states of a fit, moved to where the recorded joints seem to begin, ``(S, nq + nv)``."""
-    model, channels = shooting.engine.model, shooting.engine.channels
-    seen, states, speeds = shooting.engine.starts(shooting.segments), fit.starts.copy(), model.nq + channels.dof
-    states[:, channels.qpos] += seen[:, channels.qpos] - np.nan_to_num(shooting.predicted(fit)[:, 0])
+    segments, places = shooting.segments, shooting.engine.channels.qpos
+    speeds = shooting.engine.model.nq + shooting.engine.channels.dof
+    seen, states = shooting.engine.starts(segments), fit.starts.copy()
+    position, velocity = (np.repeat(states[None, :, None, where], 2, axis=2) for where in (places, speeds))
+    read = readings([fit.candidate], position, velocity, segments.dt[:, :1])[0, :, 0]
+    states[:, places] += seen[:, places] - read
     states[:, speeds] = seen[:, speeds]
     return states
 

@@ -15,7 +15,7 @@ from torch_activegp.diagnosis.lengths import nominal_in_brief
 from torch_activegp.diagnosis.machine import Machine
 from torch_activegp.diagnosis.noise_model import NoiseModel
 from torch_activegp.diagnosis.numerics import Numerics, Sets
-from torch_activegp.diagnosis.prospects import NOISE_ALONE, hopeless
+from torch_activegp.diagnosis.prospects import NOISE_ALONE, hopeless, leaves_most
 from torch_activegp.diagnosis.selection import Depth, select
 from torch_activegp.diagnosis.shooting import Shooting
 from torch_activegp.physics.effect import Effect
@@ -102,7 +102,7 @@ def on_a_part(
         return naming
     if chosen.best.effects and chosen.score.scale > NOISE_ALONE:
         sets, free, seen = leaders(chosen), chosen.score.free, chosen.best
-        if _explains(chosen, part):  # behind them another form may agree better
+        if not leaves_most(chosen, part):  # behind them another form may agree better
             engine, shooting, nominal, judged = numerics.choose(shooting.segments, noise, nominal, nominal, sets)
             naming = dataclasses.replace(naming, engine=engine, shooting=shooting, nominal=nominal, judged=judged)
             part, which = _part(shooting, nominal)
@@ -112,12 +112,6 @@ def on_a_part(
         chosen = select(part, effects, rough, others, seen, tell, free, Depth(swaps=0))  # swaps come with all data
     best, lost = frozenset(chosen.best.effects), hopeless(chosen, part)
     return dataclasses.replace(naming, sets=leaders(chosen), free=chosen.score.free, best=best, lost=lost)
-
-
-def _explains(selection: Selection, shooting: Shooting) -> bool:
-    """Whether the best set explains the larger part of the mismatch: what a form leaves behind others says nothing."""
-    there, left = (fit.chi2 - shooting.dof for fit in (selection.nominal, selection.best))
-    return left < 0.5 * there
 
 
 def _part(shooting: Shooting, nominal: Fit) -> tuple[Shooting, NDArray[np.int64]]:

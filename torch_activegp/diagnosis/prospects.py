@@ -44,7 +44,11 @@ def is_alike(selection: Selection, fit: Fit, expanded: Collection[frozenset[Effe
 
 def hopeless(selection: Selection, shooting: Shooting, least: int = 1) -> bool:
     """Whether some effects together leave most of a large mismatch: what is missing is not on the list."""
-    best, nominal = selection.best, selection.nominal
-    there = nominal.chi2 - shooting.dof
-    left = best.chi2 - shooting.dof
-    return len(best.effects) >= least and there > 0.2 * shooting.dof and left > _HOPELESS * there
+    there = selection.nominal.chi2 - shooting.dof
+    return len(selection.best.effects) >= least and there > 0.2 * shooting.dof and leaves_most(selection, shooting)
+
+
+def leaves_most(selection: Selection, shooting: Shooting) -> bool:
+    """Whether the best set leaves the larger part of the mismatch, however small that is."""
+    there, left = (fit.chi2 - shooting.dof for fit in (selection.nominal, selection.best))
+    return left > _HOPELESS * there

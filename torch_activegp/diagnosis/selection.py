@@ -131,7 +131,6 @@ def search(
         if beam:
             step_by_step(least=BEAM + 1)
             simplify(selection, shooting, effects)
-            selection.rescale(shooting.dof)
 
 
 def _rounds(selection: Selection, shooting: Shooting, effects: Sequence[Effect], depth: Depth) -> Iterator[int]:
@@ -183,7 +182,6 @@ def _resorts(
     yield from _swapped(selection, shooting, effects, tell, swaps)
     if step_by_step():
         simplify(selection, shooting, effects)
-        selection.rescale(shooting.dof)
         yield True
         yield from _swapped(selection, shooting, effects, tell, swaps)
 

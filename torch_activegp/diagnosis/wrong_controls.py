@@ -8,7 +8,7 @@ import mujoco
 import numpy as np
 
 from torch_activegp.diagnosis.runs import Array, Channels, Run, input_addresses
-from torch_activegp.diagnosis.wrong_units import Motion, balance, lacking_forces
+from torch_activegp.diagnosis.wrong_units import Motion, balance
 
 _UNITS = (-3, -2, 2, 3)
 """Powers of ten by which units of a control are apart."""
@@ -41,15 +41,14 @@ def doubt_controls(model: mujoco.MjModel, channels: Channels, runs: Sequence[Run
     balanced = balance(model, channels, runs)
     if balanced is None:
         return []
-    motion, missing, there = balanced
-    worst = int(np.argmax(missing / there))
-    if missing[worst] < _LACKS * there[worst]:
+    ratio = balanced.missing / balanced.there
+    worst = int(np.argmax(ratio))
+    if ratio[worst] < _LACKS:
         return []
-    lacking = lacking_forces(model, channels, motion, np.ones(len(channels.joints)))[0][:, worst]
     inputs = input_addresses(model)
-    pushes = _pushes(model, channels, motion, list(inputs.values()), worst)
+    pushes = _pushes(model, channels, balanced.motion, list(inputs.values()), worst)
     acting = [i for i, push in enumerate(pushes.T) if push.std() > 0.0]
-    found = _factors(motion, pushes[:, acting], lacking, worst)
+    found = _factors(balanced.motion, pushes[:, acting], balanced.lacking[:, worst], worst)
     names = [list(inputs)[i] for i in acting]
     return [text for name, factor in zip(names, found, strict=True) if (text := _doubt(name, factor))]
 

@@ -36,7 +36,7 @@ def check_signs(model: mujoco.MjModel, channels: Channels, runs: Sequence[Run]) 
     balanced = balance(model, channels, runs)
     if balanced is None:
         return
-    motion, missing, there = balanced
+    motion, missing, there = balanced.motion, balanced.missing, balanced.there
     lacking = float((missing / there).max())
     if lacking < _LACKS:
         return

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 from collections.abc import Iterator, Sequence
+from typing import NamedTuple
 
 import mujoco
 import numpy as np
@@ -64,7 +65,7 @@ def check_units(model: mujoco.MjModel, channels: Channels, runs: Sequence[Run]) 
     found = balance(model, channels, runs)
     if found is None:
         return []
-    motion, missing, there = found
+    motion, missing, there = found.motion, found.missing, found.there
     before = float((missing / there).max())
     if before <= _BAD:
         return []
@@ -90,16 +91,38 @@ def check_units(model: mujoco.MjModel, channels: Channels, runs: Sequence[Run]) 
     return [message]
 
 
-def balance(model: mujoco.MjModel, channels: Channels, runs: Sequence[Run]) -> tuple[Motion, Array, Array] | None:
-    """A motion, and its forces as in :func:`forces_of`.
+class Balance(NamedTuple):
+    """A motion, and its forces as in :func:`lacking_forces`."""
+
+    motion: Motion
+    lacking: Array
+    known: Array
+
+    @property
+    def missing(self) -> Array:
+        """Root mean square of what is lacking, ``(C,)``."""
+        return _rms(self.lacking)
+
+    @property
+    def there(self) -> Array:
+        """The same of what the model has, ``(C,)``."""
+        return _rms(self.known)
+
+
+def balance(model: mujoco.MjModel, channels: Channels, runs: Sequence[Run]) -> Balance | None:
+    """What the forces of some runs' motion are.
 
     None where the motion of some joints is prescribed, where noise hides accelerations, and where a joint has no force.
     """
     motion = None if channels.prescribed is not None else motion_of(runs)
     if motion is None:
         return None
-    missing, there = forces_of(model, channels, motion, np.ones(len(channels.joints)))
-    return None if (there <= 0.0).any() else (motion, missing, there)
+    found = Balance(motion, *lacking_forces(model, channels, motion, np.ones(len(channels.joints))))
+    return None if (found.there <= 0.0).any() else found
+
+
+def _rms(rows: Array) -> Array:
+    return np.asarray(np.sqrt(np.mean(np.square(rows), axis=0)))
 
 
 def _worst(model: mujoco.MjModel, channels: Channels, runs: Sequence[Run], c: int) -> str:
@@ -148,8 +171,8 @@ def forces_of(model: mujoco.MjModel, channels: Channels, motion: Motion, factors
 
     Args as of :func:`lacking_forces`.
     """
-    both = lacking_forces(model, channels, motion, factors)
-    return tuple(np.sqrt(np.mean(np.square(some), axis=0)) for some in both)
+    missing, there = map(_rms, lacking_forces(model, channels, motion, factors))
+    return missing, there
 
 
 def lacking_forces(model: mujoco.MjModel, channels: Channels, motion: Motion, factors: Array) -> tuple[Array, Array]:
