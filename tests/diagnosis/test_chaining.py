@@ -8,7 +8,7 @@ import pytest
 
 from tests.diagnosis.ram import ram
 from torch_activegp.data import Recording
-from torch_activegp.diagnosis.chaining import _at_rest, chained
+from torch_activegp.diagnosis.chaining import _at_rest, borrowed, chained
 from torch_activegp.diagnosis.engine import Engine
 from torch_activegp.diagnosis.machine import make_machine
 from torch_activegp.diagnosis.noise_model import NoiseModel
@@ -127,3 +127,18 @@ def test_to_be_at_rest_is_tried_once(two, monkeypatch) -> None:
     chained(two, fit)
     assert len(tried) > 4 * two.segments.size
     assert all(tried.count(row.tobytes()) == 1 for start in at_rest for row in start)
+
+
+def test_segments_begin_where_another_set_begins_them_if_that_is_better(bench) -> None:
+    """Which it fits no better than the set itself, and with none of its parameters."""
+    fit, nominal = bench.fit("viscous_friction", 0.05), bench.nominal
+    begun = fit.starts.copy()
+    begun[2] += np.array([0.5, 8.0])
+    (stuck,) = bench.shooting.fit([(fit.effects, fit.values)], begun, rounds=0, hold=True)
+    known = dataclasses.replace(nominal, per_segment=fit.per_segment)
+    again = borrowed(bench.shooting, stuck.without_derivatives, known)
+    assert again.chi2 == pytest.approx(fit.chi2, rel=1e-3)
+    np.testing.assert_allclose(again.values[0], fit.values[0], rtol=1e-3)
+    assert borrowed(bench.shooting, fit, nominal) is fit  # nowhere better
+    (lost,) = bench.shooting.fit([(fit.effects, fit.values)], begun, hold=True)
+    assert borrowed(bench.shooting, lost, dataclasses.replace(known, starts=lost.starts)) is lost

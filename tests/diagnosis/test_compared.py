@@ -279,3 +279,33 @@ def test_what_got_stuck_is_fitted_again_where_it_could_become_the_best(
     found.fits = [one for one in found.fits if len(one.effects) < 2]
     compare(bench.shooting, found, [(stuck.effects, stuck.values)], best)
     assert asked == [1]  # what rests is left alone
+
+
+def test_a_part_is_fitted_once_however_often_it_is_asked_for(bench, found) -> None:
+    whole = bench.fit("viscous_friction", 0.05)
+    both = dataclasses.replace(
+        whole, effects=(*whole.effects, bench.effect("cubic_spring")), values=(*whole.values, np.zeros(1))
+    )
+    found.add([both])
+    once = fitted(bench.shooting, found, whole.effects, both)
+    work = bench.shooting.work
+    assert fitted(bench.shooting, found, whole.effects, both) is once
+    assert bench.shooting.work == work
+    assert once not in found.fits  # it is no rival
+
+
+def test_what_a_set_holds_is_at_least_the_nominal(bench, found) -> None:
+    wet, spring = bench.fit("viscous_friction", 0.05), bench.effect("cubic_spring")
+    assert found.below(wet.effects) is bench.nominal
+    found.add([wet])
+    assert found.below(wet.effects) is bench.nominal
+    assert found.below((*wet.effects, spring)) is wet
+    assert found.below((spring,)) is bench.nominal
+
+
+def test_the_best_set_is_simplified_once_by_one_score(bench, found) -> None:
+    assert [found.was_simplified(), found.was_simplified()] == [False, True]
+    found.score = dataclasses.replace(found.score, material=0.001)
+    assert not found.was_simplified()
+    found.add([bench.fit("viscous_friction", 0.05)])
+    assert not found.was_simplified()

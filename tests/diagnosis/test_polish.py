@@ -6,29 +6,43 @@ import numpy as np
 import pytest
 
 from torch_activegp.diagnosis.compared import Selection
-from torch_activegp.diagnosis.polish import polish, starts_of
+from torch_activegp.diagnosis.polish import _near, polish, shared
 from torch_activegp.diagnosis.score import Score
 
 
-def test_a_rival_begins_from_its_own_parameters_and_from_those_of_the_best(bench) -> None:
+def test_a_rival_also_begins_from_the_parameters_of_the_best_where_these_are_others(bench) -> None:
     friction, push = bench.effect("viscous_friction"), bench.effect("constant_force")
     best = bench.fit("viscous_friction", 0.06)
-    values = (np.array([0.03]), np.array([0.1]))
-    rival = dataclasses.replace(best, effects=(friction, push), values=values)
-    (_, own), (_, shared) = starts_of(rival, best)
-    assert own == values
-    assert shared == (best.values[0], values[1])
-    assert len(starts_of(dataclasses.replace(rival, values=(best.values[0], values[1])), best)) == 1
+    start = ((friction, push), (np.array([0.05]), np.array([0.0])))
+    (rival,) = bench.shooting.fit([start], best.starts)
+    assert shared(rival, best) is None
+    error = rival.information[0, 0] ** -0.5
+    for sigmas, other in ((1.0, False), (5.0, True)):
+        moved = dataclasses.replace(best, values=(rival.values[0] + sigmas * error,))
+        found = shared(rival, moved)
+        assert (found is not None) == other
+    assert found == ((friction, push), (moved.values[0], rival.values[1]))
 
 
 def test_a_rival_that_contains_a_law_of_the_best_also_begins_as_that(bench) -> None:
     """So that it never ends worse than what it contains; its shape stays."""
     level = bench.fit("coulomb_friction", 0.05)
     stribeck = bench.effect("stribeck_friction")
-    rival = dataclasses.replace(level, effects=(stribeck,), values=(np.array([0.2, 0.4, 0.3]),))
-    (_, own), (_, shared) = starts_of(rival, level)
-    np.testing.assert_array_equal(own[0], [0.2, 0.4, 0.3])
-    np.testing.assert_array_equal(shared[0], [level.values[0][0], 0.0, 0.3])
+    much = {"values": (np.array([0.2, 0.4, 0.3]),), "information": 1e6 * np.eye(3)}
+    found = shared(dataclasses.replace(level, effects=(stribeck,), **much), level)
+    assert found is not None
+    np.testing.assert_array_equal(found[1][0], [level.values[0][0], 0.0, 0.3])
+
+
+def test_what_comes_on_top_of_the_best_set_is_not_fitted_again_for_what_it_may_be_short_of(bench) -> None:
+    wet, (drag, push) = bench.fit("viscous_friction", 0.05), map(bench.effect, ("quadratic_drag", "constant_force"))
+    held = {"values": (*wet.values, np.zeros(1)), "chi2": wet.chi2 + 50.0}
+    more = dataclasses.replace(wet, effects=(*wet.effects, push), **held)
+    other = dataclasses.replace(wet, effects=(drag, push), **held)
+    found = Selection(bench.nominal, [bench.nominal, wet, more, other], Score(bench.shooting.samples, 5, 1.0))
+    assert _near(found, wet, 0.0, 0.0) == []
+    assert _near(found, wet, 0.0, 100.0) == [other]
+    assert _near(found, wet, 100.0, 0.0) == [other, more]
 
 
 @pytest.mark.parametrize(("cut_short", "lost"), [(False, True), (True, True), (True, False)])

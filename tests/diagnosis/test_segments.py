@@ -86,3 +86,22 @@ def test_a_segment_is_far_off_by_its_own_samples(bench) -> None:
     samples = bench.segments.counts.sum(axis=1)
     assert not bench.segments.far_off(29.0 * samples).any()
     assert bench.segments.far_off(31.0 * samples).all()
+
+
+@pytest.mark.parametrize(("times", "parts"), [(1, 1), (200, 2)])
+def test_segments_of_like_length_go_together_where_that_is_worth_a_call(make_plain_run, times: int, parts: int) -> None:
+    runs = [make_plain_run(np.zeros(n)) for n in (101, 21, 20, 101)]
+    segments = cut(runs, 10.0, 0.0)
+    assert segments.lengths.tolist() == [100, 20, 19, 100]
+    groups = segments.of_like_length(times)
+    assert sorted(np.concatenate(groups)) == [0, 1, 2, 3]
+    assert [g.tolist() for g in groups] == ([[0, 1, 2, 3]] if parts == 1 else [[0, 3], [1, 2]])
+    assert len(cut([runs[0]], 0.25, 0.0).of_like_length(1000)) == 1
+
+
+def test_the_beginning_of_segments(make_plain_run) -> None:
+    segments = cut([make_plain_run(np.arange(101.0))], 0.5, 0.0)
+    begun = segments.until(7)
+    assert begun.intervals == 7
+    assert begun.counts.shape == begun.position.shape[:2] == (2, 8)
+    np.testing.assert_array_equal(begun.position[1], segments.position[1, :8])

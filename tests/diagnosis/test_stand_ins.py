@@ -143,3 +143,16 @@ def test_what_explains_most_alone_is_tried_in_its_other_forms_from_where_it_was_
         assert [effect.key for effect in effects] == [shift.key]
         assert effects[0] is not shift
         assert set(values[0]) <= {0.0, 0.02}
+
+
+def test_nothing_is_sought_in_place_of_a_name_without_which_another_set_comes_first(bench, monkeypatch) -> None:
+    """A name that other initial states alone were: without it the rest fits as well."""
+    wet = bench.fit("viscous_friction", 0.05)
+    push = bench.effect("constant_force")
+    more = dataclasses.replace(wet, effects=(*wet.effects, push), values=(*wet.values, np.zeros(1)))
+    found = Selection(bench.nominal, [bench.nominal, more], Score(bench.shooting.samples, 5, 1.0))
+    found.rescale(bench.shooting.dof)
+    assert found.best is more
+    monkeypatch.setattr("torch_activegp.diagnosis.stand_ins.screen", None)
+    swap(found, bench.shooting, bench.effects)
+    assert found.best.effects == wet.effects

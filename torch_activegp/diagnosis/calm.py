@@ -76,7 +76,7 @@ class CalmEngine(Engine):
             mine = segments.run == number
             if mine.any():
                 before, first = self._counted(run), np.minimum(segments.first[mine], len(run) - 1)
-                out[mine] = before[np.minimum(first + segments.intervals, len(run) - 1) + 1] > before[first]
+                out[mine] = before[np.minimum(first + segments.lengths[mine], len(run) - 1) + 1] > before[first]
         return out
 
     def _counted(self, run: Run) -> NDArray[np.int64]:

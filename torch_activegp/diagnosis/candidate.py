@@ -28,11 +28,11 @@ class Candidate:
     force: Array | None = None
     shove: Array | None = None
 
-    def pick(self, which: NDArray[np.bool_]) -> Candidate:
-        """The same in some of the segments."""
+    def pick(self, which: NDArray[np.bool_] | NDArray[np.int64], intervals: int | None = None) -> Candidate:
+        """The same in some of the segments, and in their first intervals, all unless said."""
         if self.force is None and self.shove is None:
             return self
-        force, shove = (None if more is None else more[which] for more in (self.force, self.shove))
+        force, shove = (None if more is None else more[which, :intervals] for more in (self.force, self.shove))
         return dataclasses.replace(self, force=force, shove=shove)
 
 

@@ -8,7 +8,8 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from torch_activegp.diagnosis.compared import Selection, compare
+from torch_activegp.diagnosis.chaining import borrowed
+from torch_activegp.diagnosis.compared import NEARLY, Selection, compare
 from torch_activegp.diagnosis.fit import Fit
 from torch_activegp.diagnosis.heats import CLOSE, heat, seen_on
 from torch_activegp.diagnosis.proposals import (
@@ -37,9 +38,8 @@ _CHEAP = 60
 _COMPANY = 40
 _ROUNDS = 20
 _MORE = 20.0
-_LITTLE, _SOME = 0.05, 1.0
-"""Per degree of freedom. Where nothing was missing, on a valve that sticks and slips, a stop gained 0.016 so;
-for the nominal the bar is higher: on a machine that strikes, at 50 Hz, a friction seemed to gain 0.5."""
+_SOME = 1.0
+"""`NEARLY` for the nominal: on a machine that strikes, at 50 Hz, a friction seemed to gain 0.5."""
 
 
 def expand(selection: Selection, shooting: Shooting, effects: Sequence[Effect], fit: Fit, work: float = np.inf) -> None:
@@ -61,6 +61,8 @@ def expand(selection: Selection, shooting: Shooting, effects: Sequence[Effect], 
 def simplify(selection: Selection, shooting: Shooting, effects: Sequence[Effect]) -> None:
     """Tries the best set without each of its effects, and with simpler laws or other forms in their place."""
     best = selection.best
+    if selection.was_simplified():
+        return
     known: dict[frozenset[Effect], float] = {}
     for fit in selection.fits:
         known[frozenset(fit.effects)] = min(fit.chi2, known.get(frozenset(fit.effects), np.inf))
@@ -74,7 +76,7 @@ def simplify(selection: Selection, shooting: Shooting, effects: Sequence[Effect]
 
 
 def be_fair(selection: Selection, shooting: Shooting) -> None:
-    """Fits the nominal, and the best set without each name, once more from its states where it gains little on them.
+    """Fits the nominal, and the best set without each name, once more with its states where it gains little on them.
 
     Other states may be all that gains: on a joint that sticks, or on the other side of an impact.
     """
@@ -84,14 +86,12 @@ def be_fair(selection: Selection, shooting: Shooting) -> None:
     selection.beside = best
     parts = [(), *(tuple(e for e in best.effects if e is not one) for one in best.effects if len(best.effects) > 1)]
     known = [nominal if not part else selection.of(part) for part in parts]
-    values = best.by_effect
-    sets = [
-        (part, tuple(values[effect] for effect in part))
-        for part, fit in zip(parts, known, strict=True)
-        if fit is not None and fit.chi2 - best.chi2 < (_LITTLE if part else _SOME) * shooting.dof
+    again = [
+        borrowed(shooting, fit, best)
+        for fit in known
+        if fit is not None and fit.chi2 - best.chi2 < (NEARLY if fit.effects else _SOME) * shooting.dof
     ]
-    again = shooting.fit(sets, best.starts, near=best)
-    selection.add([fit for fit in again if fit.effects])
+    selection.add([fit for fit in again if fit.effects and fit not in known])
     bare = next((fit for fit in again if not fit.effects), nominal)
     if bare.chi2 < nominal.chi2:
         selection.nominal, selection.fits = bare, [bare if fit is nominal else fit for fit in selection.fits]

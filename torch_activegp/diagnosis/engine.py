@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import copy
-import itertools
 import logging
 from collections.abc import Sequence
 
@@ -14,7 +13,7 @@ from numpy.typing import NDArray
 
 from torch_activegp.diagnosis.candidate import NOMINAL, Candidate, grouped
 from torch_activegp.diagnosis.controls import Controls, Inputs
-from torch_activegp.diagnosis.hermite import position_between, velocity_between
+from torch_activegp.diagnosis.hermite import fill_rows
 from torch_activegp.diagnosis.leapfrog import halve_damping
 from torch_activegp.diagnosis.own_filters import own_filters, without_filters
 from torch_activegp.diagnosis.prescribed_motion import RUNGE_KUTTA, PrescribedMotion, make_heavy
@@ -117,8 +116,11 @@ class Engine:
 
     def steps_in(self, segments: Segments) -> float:
         """Time steps of one simulation of some segments, at most; those of Runge-Kutta count four times."""
-        each = -(-segments.intervals // self.stride) * self.substeps
-        return float(segments.size * each * (4 if self.model.opt.integrator == RUNGE_KUTTA else 1))
+        return float((-(-segments.lengths // self.stride)).sum()) * self._steps_in_a_row
+
+    @property
+    def _steps_in_a_row(self) -> int:
+        return self.substeps * (4 if self.model.opt.integrator == RUNGE_KUTTA else 1)
 
     def starts(self, segments: Segments) -> Array:
         """First guess of the initial states from the smoothed recordings, ``(S, nq + nv)``."""
@@ -152,7 +154,7 @@ class Engine:
         read, speeds = [], []
         for i in range(0, len(candidates), per_call):
             some = candidates[i : i + per_call]
-            states = self._simulate(segments, starts[i : i + per_call], some)
+            states = self._apart(segments, starts[i : i + per_call], some)
             position, velocity = states[..., channels.qpos], states[..., self.model.nq + channels.dof]
             read.append(readings(some, position, velocity, segments.dt))
             speeds.append(velocity)
@@ -160,7 +162,17 @@ class Engine:
 
     def trajectories(self, segments: Segments, starts: Array, candidate: Candidate) -> Array:
         """All states of one candidate, ``(S, K + 1, nq + nv)``."""
-        return self._simulate(segments, starts[None], [candidate])[0]
+        return self._apart(segments, starts[None], [candidate])[0]
+
+    def _apart(self, segments: Segments, starts: Array, candidates: Sequence[Candidate]) -> Array:
+        """All states ``(N, S, K + 1, nq + nv)``, the last ones of each segment held; those of like length together."""
+        out = np.empty((len(candidates), segments.size, segments.intervals + 1, self.state_size))
+        for which in segments.of_like_length(len(candidates)):
+            last = int(segments.lengths[which].max())
+            some = [candidate.pick(which, last) for candidate in candidates]
+            states = self._simulate(segments.pick(which).until(last), starts[:, which], some)
+            out[:, which, : last + 1], out[:, which, last + 1 :] = states, states[:, :, -1:]
+        return out
 
     def _simulate(self, segments: Segments, starts: Array, candidates: Sequence[Candidate]) -> Array:
         count, size, intervals, model = len(candidates), segments.size, segments.intervals, self.model
@@ -179,7 +191,7 @@ class Engine:
             batch.bind("act")[:rows, own.address] = controls.states(own)
         batch.warning[:rows] = 0
         edges = [*range(0, intervals, self.stride), intervals]
-        self.work += count * Engine.steps_in(self, segments)  # whatever a subclass leaves out
+        self.work += rows * (len(edges) - 1) * self._steps_in_a_row
         lengths = np.add.reduceat(segments.dt, edges[:-1], axis=1) / self.substeps
         if self.late:  # after the constants: they are those of the machine
             halve_damping(self.model, fields, rows, np.tile(np.median(lengths, axis=1), count))
@@ -191,7 +203,7 @@ class Engine:
             middle = 0.5 * (model.opt.integrator == RUNGE_KUTTA)
             Stepping(batch, inputs, fields, edges, steps, self.substeps, acting, middle).fill(states)
         if self.stride > 1:
-            _fill(states, edges, np.tile(segments.dt, (count, 1)), model.nq)
+            fill_rows(states, edges, np.tile(segments.dt, (count, 1)), model.nq)
         failed = (batch.warning[:rows, :, 1] > 0).any(axis=1) | (batch.status[:rows] != 0)
         states[failed] = np.nan
         fields.restore(model)
@@ -248,18 +260,6 @@ class Engine:
 def before_steps(effect: Effect, rows: Index, values: Array, memory: Array | None) -> Act:
     """What an effect does before every time step."""
     return lambda step: effect.before_step(step, rows, values, memory)
-
-
-def _fill(states: Array, edges: list[int], dt: Array, nq: int) -> None:
-    """Fills rows between time steps by cubic Hermite interpolation, in place."""
-    for row, after in itertools.pairwise(edges):
-        begin, end = states[:, row], states[:, after]
-        h = dt[:, row:after].sum(axis=1)[:, None]
-        for between in range(row + 1, after):
-            x = dt[:, row:between].sum(axis=1)[:, None] / h
-            ends = begin[:, :nq], end[:, :nq], begin[:, nq:], end[:, nq:]
-            states[:, between, :nq] = position_between(x, h, *ends)
-            states[:, between, nq:] = velocity_between(x, h, *ends)
 
 
 class _Fields:

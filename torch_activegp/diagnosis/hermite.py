@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import itertools
+
 from torch_activegp.diagnosis.runs import Array
 
 
@@ -22,3 +24,15 @@ def position_between(x: Array, h: Array | float, p: Array, q: Array, v: Array, w
 def velocity_between(x: Array, h: Array | float, p: Array, q: Array, v: Array, w: Array) -> Array:
     """Velocity at a share x of an interval; see :func:`position_between`."""
     return 6 * x * (1 - x) * (q - p) / h + (1 - x) * (1 - 3 * x) * v + x * (3 * x - 2) * w
+
+
+def fill_rows(states: Array, edges: list[int], dt: Array, nq: int) -> None:
+    """Fills rows between time steps by cubic Hermite interpolation, in place."""
+    for row, after in itertools.pairwise(edges):
+        begin, end = states[:, row], states[:, after]
+        h = dt[:, row:after].sum(axis=1)[:, None]
+        for between in range(row + 1, after):
+            x = dt[:, row:between].sum(axis=1)[:, None] / h
+            ends = begin[:, :nq], end[:, :nq], begin[:, nq:], end[:, nq:]
+            states[:, between, :nq] = position_between(x, h, *ends)
+            states[:, between, nq:] = velocity_between(x, h, *ends)

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from torch_activegp.diagnosis.chaining import chained
+from torch_activegp.diagnosis.chaining import borrowed, chained
 from torch_activegp.diagnosis.compared import Selection, compare
 from torch_activegp.diagnosis.fit import Fit
 from torch_activegp.diagnosis.merging import merged
@@ -23,7 +23,8 @@ _SHORT = 0.04
 """Part of its chi2 by which a fit of a law with kinks may end short of its optimum."""
 _OF_THE_GAIN = 0.05
 """And part of what the best set explains: where little is missing, fits do not end that short."""
-_ALIKE = 1e-3
+_BY_CHANCE = 9.0
+"""Parameters that differ by less, three standard errors, are the same."""
 _NEAR = 6
 _POLISHES = 4
 
@@ -46,12 +47,11 @@ def polish(shooting: Shooting, selection: Selection, effects: Sequence[Effect]) 
         if selection.cut_short and lost:  # nothing on the list explains what is missing: rivals would not, either
             break
         stuck = min(_SHORT * best.chi2, _OF_THE_GAIN * (selection.nominal.chi2 - best.chi2))
-        short = max(2.0 * gained, 0.0 if number else stuck, 0.0)
-        reach = selection.score(best) + _RIVAL + short / selection.score.scale
-        near = [fit for fit in selection.ranked()[:_NEAR] if fit is not best and selection.score(fit) < reach]
-        sets = [some for fit in near for some in starts_of(fit, best)]
+        near = _near(selection, best, max(2.0 * gained, 0.0), 0.0 if number else stuck)
+        near = selection.add([_again(precise, fit, best) for fit in near])
+        sets = [some for fit in near if (some := shared(fit, best)) is not None]
         sets += [] if number else [*late_elsewhere(best, effects), *_one_for_two(selection, best, effects)]
-        compare(shooting, selection, sets, best)
+        compare(shooting, selection, sets, best, race=np.inf, below=[selection.below(some) for some, _ in sets])
         if gained <= _SETTLED and selection.score(selection.best) > selection.score(best) - _SETTLED:
             break
 
@@ -67,13 +67,36 @@ def _one_for_two(selection: Selection, best: Fit, effects: Sequence[Effect]) -> 
     return found
 
 
-def starts_of(fit: Fit, best: Fit) -> Sets:
-    """A set with its own parameters, and with those of the best one for what they share or contain, where that differs.
+def _near(selection: Selection, best: Fit, gained: float, stuck: float) -> list[Fit]:
+    """Rivals that score nearly as well as the best set, or would if their chi2 fell by what they may be short of.
 
-    So a law begins no worse than the simpler one that it contains, where the rest is shared.
+    Those with more on top began where the best set was: they fall no further than by what that has gained.
+
+    Args:
+        selection: the compared sets.
+        best: one of them.
+        gained: chi2 by which rivals may fall as the best set did.
+        stuck: chi2 by which fits may end short of their optimum.
+    """
+    score, names = selection.score, set(best.effects)
+    reach = score(best) + _RIVAL + np.array([max(gained, stuck), gained]) / score.scale
+    near = (fit for fit in selection.ranked()[:_NEAR] if fit is not best)
+    return [fit for fit in near if score(fit) < reach[int(names < set(fit.effects))]]
+
+
+def _again(precise: Shooting, fit: Fit, best: Fit) -> Fit:
+    """A rival with all derivatives taken where it is, and with the best set's states where these are better."""
+    found = borrowed(precise, fit, best)
+    return precise.fit([(fit.effects, fit.values)], fit.starts)[0] if found is fit and fit.effects else found
+
+
+def shared(fit: Fit, best: Fit) -> Set | None:
+    """A set with the parameters of the best one for what they share or contain; None where they are those of its fit.
+
+    So a law begins no worse than the simpler one that it contains, where the rest is shared. What is no farther than
+    chance leads back to the fit.
     """
     found = best.by_effect
-    shared = tuple(found.get(e, beginning(e, v, found.items())) for e, v in zip(fit.effects, fit.values, strict=True))
-    own = [(fit.effects, fit.values)]
-    far = any(not np.allclose(a, b, rtol=_ALIKE) for a, b in zip(shared, fit.values, strict=True))
-    return [*own, (fit.effects, shared)] if far else own
+    values = tuple(found.get(e, beginning(e, v, found.items())) for e, v in zip(fit.effects, fit.values, strict=True))
+    moved = np.concatenate([np.zeros(0), *values]) - np.concatenate([np.zeros(0), *fit.values])
+    return (fit.effects, values) if moved @ fit.information @ moved > _BY_CHANCE else None

@@ -13,6 +13,9 @@ from torch_activegp.diagnosis.runs import Array, Run
 
 _LEAST = 12
 _FAR_OFF = 30.0
+_A_CALL, _WORTH_A_CALL = 32, 0.9
+"""Simulations that take as long as what a time step of many costs besides; and the part of the time that is left where
+segments of different lengths are simulated apart."""
 
 
 @dataclasses.dataclass(frozen=True)
@@ -48,6 +51,16 @@ class Segments:
         """Number of intervals K."""
         return self.dt.shape[1]
 
+    @property
+    def lengths(self) -> NDArray[np.int64]:
+        """Intervals up to the end of each segment, ``(S,)``; what comes after is not looked at."""
+        return np.asarray(self.scored[:, 1] - self.first)
+
+    def of_like_length(self, times: int = 1) -> list[NDArray[np.int64]]:
+        """Which segments to simulate together, so many times each: short ones beside long ones would wait for them."""
+        order = np.argsort(-self.lengths, kind="stable")
+        return [np.sort(part) for part in _parted(order, self.lengths[order], times)]
+
     def take(self, name: str) -> Array:
         """A column of the runs in every segment.
 
@@ -67,6 +80,11 @@ class Segments:
         """Some of the segments."""
         names = ("run", "first", "position", "counts", "dt", "scored")
         return dataclasses.replace(self, **{name: getattr(self, name)[which] for name in names})
+
+    def until(self, intervals: int) -> Segments:
+        """Their first intervals, so many of them."""
+        rows = {name: getattr(self, name)[:, : intervals + 1] for name in ("position", "counts")}
+        return dataclasses.replace(self, dt=self.dt[:, :intervals], **rows)
 
     @property
     def samples(self) -> NDArray[np.int64]:
@@ -141,3 +159,16 @@ def lay(runs: Sequence[Run], pieces: Sequence[tuple[int, int, int, int]]) -> Seg
         dt[s, b - start :] = run.dt[b - 1]
     table = np.array(pieces, dtype=np.int64)
     return Segments(tuple(runs), table[:, 0], table[:, 1], position, counts, dt, table[:, 2:])
+
+
+def _parted(order: NDArray[np.int64], lengths: NDArray[np.int64], times: int) -> list[NDArray[np.int64]]:
+    """Parts of segments by descending lengths, each of which is simulated for as long as its longest."""
+    rest = np.arange(1, len(order))
+    if not len(rest):
+        return [order]
+    cost = lengths[0] * (rest * times + _A_CALL) + lengths[rest] * ((len(order) - rest) * times + _A_CALL)
+    cut = int(np.argmin(cost))
+    if cost[cut] > _WORTH_A_CALL * lengths[0] * (len(order) * times + _A_CALL):
+        return [order]
+    cut = int(rest[cut])
+    return [*_parted(order[:cut], lengths[:cut], times), *_parted(order[cut:], lengths[cut:], times)]

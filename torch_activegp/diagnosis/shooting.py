@@ -160,7 +160,7 @@ class Shooting:
         race: Race | None = None,
         hold: bool = False,
         near: Fit | None = None,
-        below: Fit | None = None,
+        below: Fit | Sequence[Fit] | None = None,
     ) -> list[Fit]:
         """Fits several sets of effects side by side.
 
@@ -172,11 +172,14 @@ class Shooting:
             race: gives up on sets that stay far behind after two steps, and before on those that would begin anew
                 from `below`; all go on where there is none.
             near: a fit near by, whose derivatives save work.
-            below: a fit of what the sets have in common: a first guess that is worse than it misleads, and is left.
+            below: a fit of what the sets have in common, or one for each set of what is in it: a first guess that is
+                worse than it misleads, and is left.
         """
         smooth = None if near is None else self.engine.starts(self.segments)
+        smaller = below if isinstance(below, Sequence) else [below] * len(sets)
+        begin = starts if starts.ndim == 3 else [starts] * len(sets)
         running = {
-            i: Problem(self, tuple(e), tuple(v), starts if starts.ndim == 2 else starts[i], hold, near, smooth, below)
+            i: Problem(self, tuple(e), tuple(v), begin[i], hold, near, smooth, smaller[i])
             for i, (e, v) in enumerate(sets)
         }
         ended: dict[int, Fit] = {}

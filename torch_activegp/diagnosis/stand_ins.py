@@ -39,7 +39,7 @@ def swap(selection: Selection, shooting: Shooting, effects: Sequence[Effect]) ->
     named = [effect for effect in best.effects if effect.key not in selection.score.free]
     lost = _lost_on_a_part(selection, shooting, named)
     smaller = without_each(selection, shooting, [effect for effect in named if effect not in lost])
-    if not smaller and not lost:
+    if selection.best is not best or not (smaller or lost):  # another one comes first: what stands in place of its names
         return
     fresh = {frozenset(some[0]): some for some in late_elsewhere(best, effects)}
     least_loss = min((fit.chi2 - best.chi2 for _, fit in smaller), default=np.inf)
@@ -60,7 +60,8 @@ def swap(selection: Selection, shooting: Shooting, effects: Sequence[Effect]) ->
     part, which = _enough(shooting, least_loss)
     if sets and part.segments.size < shooting.segments.size:
         sets, starts = near(part, which, sets, best, [CLOSE * selection.score.scale] * len(sets))
-    compare(shooting, selection, sets, best, race=np.inf, starts=starts)
+    below = [selection.below(some) for some, _ in sets]
+    compare(shooting, selection, sets, best, race=np.inf, starts=starts, below=below)
 
 
 def _lost_on_a_part(
