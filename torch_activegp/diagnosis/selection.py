@@ -39,11 +39,13 @@ class Depth(NamedTuple):
         rounds: how often the best sets are developed.
         swaps: how often others are tried in place of each effect.
         work: time steps to compute before no further set is developed.
+        stepwise: whether names are tried one after another where several came together.
     """
 
     rounds: int = 2 * MAX_EFFECTS
     swaps: int = SWAPS
     work: float = _PATIENCE
+    stepwise: bool = True
 
     def counted_from(self, work: float) -> Depth:
         """The same with its work on top of some that is done."""
@@ -129,7 +131,8 @@ def search(
         for fit in filter(may_go_on, beam):
             develop(fit)
         if beam:
-            step_by_step(least=BEAM + 1)
+            if depth.stepwise:
+                step_by_step(least=BEAM + 1)
             simplify(selection, shooting, effects)
 
 
