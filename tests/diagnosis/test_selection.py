@@ -112,7 +112,7 @@ def test_two_names_that_leave_most_are_no_end(bench) -> None:
     selection.rescale(bench.shooting.dof)
     effects = [bench.effect("viscous_friction"), *astray]
     done = {frozenset(some) for some in (astray, astray[:1], astray[1:])}
-    search(selection, bench.shooting, effects, done, lambda words: None, Depth())
+    search(selection, bench.shooting, effects, done, lambda words: None, Depth().counted_from(bench.shooting.work))
     assert selection.best.keys == {("viscous_friction", "joint:hip")}
 
 
@@ -251,7 +251,8 @@ def test_what_costs_more_than_a_best_that_leaves_noise_alone_is_not_developed(
     monkeypatch.setattr(Selection, "may_pay", lambda *_: True)
     seen = []
     monkeypatch.setattr("torch_activegp.diagnosis.selection.expand", lambda *args: seen.append(args[3]))
-    search(selection, bench.shooting, [], {frozenset(wet.effects)}, lambda words: None, Depth(swaps=0))
+    depth = Depth(swaps=0).counted_from(bench.shooting.work)
+    search(selection, bench.shooting, [], {frozenset(wet.effects)}, lambda words: None, depth)
     assert len([fit for fit in seen if fit is more]) == developed
 
 
@@ -262,7 +263,7 @@ def test_what_cannot_pay_is_not_developed(bench, monkeypatch) -> None:
     monkeypatch.setattr("torch_activegp.diagnosis.selection.expand", lambda *args: seen.append(args[3]))
     for pays in (False, True):
         monkeypatch.setattr(Selection, "may_pay", lambda *_, pays=pays: pays)
-        search(selection, bench.shooting, [], set(), lambda words: None, Depth(rounds=2, swaps=0))
+        search(selection, bench.shooting, [], set(), lambda words: None, Depth(2, 0).counted_from(bench.shooting.work))
         assert [fit is wet for fit in seen] == [True] * pays
 
 

@@ -47,6 +47,8 @@ def test_what_is_weak_has_no_name_where_more_than_noise_is_left_behind_it(clean,
     shooting, chosen = recorded(clean, 0.0025)
     effects = [clean.effect(name) for name in NAMES]
     monkeypatch.setattr(weak, "DOUBT", 1.1)  # nothing is noise
+    assert also_weak(shooting, chosen, effects).best.keys > chosen.best.keys  # but nearly all of it is gone
+    monkeypatch.setattr(weak, "_NEARLY", 0.0)
     assert also_weak(shooting, chosen, effects) is chosen
     work = shooting.work
     short = dataclasses.replace(chosen, cut_short=True)

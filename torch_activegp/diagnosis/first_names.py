@@ -28,8 +28,8 @@ _LEADS = 10.0
 """Times the noise that names found in brief pieces may leave to lead anywhere. What a machine remembers for longer, as
 where in its gap a motor was, is not in them: a backlash left 68 times the noise, and what came on top led astray."""
 _GLANCE = Depth(rounds=1, stepwise=False)
-"""For names behind which numerics are chosen: under the wrong ones, what helps names one after another are others. On an
-arm in steps of 5 ms they took 60 s behind a backlash, and were delays of half a step."""
+"""For names behind which numerics are chosen: under the wrong ones, names one after another are wrong too. On an arm in
+steps of 5 ms they took 60 s behind a backlash, and were delays of half a step."""
 
 Tell = Callable[[str], None]
 

@@ -11,7 +11,6 @@ from torch_activegp.diagnosis.chaining import borrowed, chained
 from torch_activegp.diagnosis.compared import Selection, compare
 from torch_activegp.diagnosis.fit import Fit
 from torch_activegp.diagnosis.merging import merged
-from torch_activegp.diagnosis.numerics import Sets
 from torch_activegp.diagnosis.proposals import Set, beginning, late_elsewhere
 from torch_activegp.diagnosis.prospects import NOISE_ALONE
 from torch_activegp.diagnosis.shooting import Shooting
@@ -56,7 +55,7 @@ def polish(shooting: Shooting, selection: Selection, effects: Sequence[Effect]) 
             break
 
 
-def _one_for_two(selection: Selection, best: Fit, effects: Sequence[Effect]) -> Sets:
+def _one_for_two(selection: Selection, best: Fit, effects: Sequence[Effect]) -> list[Set]:
     """The best set with one name in place of two that say the same, where one of the two seemed to cost no name."""
     found: list[Set] = []
     for pairs in merged(list(zip(best.effects, best.values, strict=True)), effects):

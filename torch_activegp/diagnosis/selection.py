@@ -120,7 +120,7 @@ def search(
         return shooting.work <= depth.work and _is_promising(selection, shooting, fit, expanded, skipped)
 
     def step_by_step(least: int = 1) -> bool:
-        return one_by_one(selection, shooting, expanded, develop, may_go_on, least)
+        return depth.stepwise and one_by_one(selection, shooting, expanded, develop, may_go_on, least)
 
     resorts = _resorts(selection, shooting, effects, tell, depth.swaps, step_by_step)
     skipped: Seen = set()
@@ -131,8 +131,7 @@ def search(
         for fit in filter(may_go_on, beam):
             develop(fit)
         if beam:
-            if depth.stepwise:
-                step_by_step(least=BEAM + 1)
+            step_by_step(least=BEAM + 1)
             simplify(selection, shooting, effects)
 
 

@@ -39,29 +39,49 @@ def swap(selection: Selection, shooting: Shooting, effects: Sequence[Effect]) ->
     named = [effect for effect in best.effects if effect.key not in selection.score.free]
     lost = _lost_on_a_part(selection, shooting, named)
     smaller = without_each(selection, shooting, [effect for effect in named if effect not in lost])
-    if selection.best is not best or not (smaller or lost):  # another one comes first: what stands in place of its names
+    if selection.best is not best or not (smaller or lost):  # another set comes first now
         return
-    fresh = {frozenset(some[0]): some for some in late_elsewhere(best, effects)}
     least_loss = min((fit.chi2 - best.chi2 for _, fit in smaller), default=np.inf)
     seen = [(effect, *_seen(shooting, fit, fit.chi2 - best.chi2)) for effect, fit in smaller]
-    for effect, part, fit in [*seen, *((effect, *there) for effect, there in lost.items())]:
-        screened = screen(part, fit, allowed(effects, fit))
-        own = max((a.gain for a in screened.atoms if a.effect.key == effect.key), default=0.0)
-        atoms = [a for a in screened.best() if a.gain >= ALIKE * own and not _same_or_more(a.effect, effect)]
-        for atom in diverse(atoms, RIVALS):
-            rivals = [join(fit, [atom])]
-            if atom.gain > _AS_GOOD * own:
-                rivals += other_forms(list(zip(*rivals[0], strict=True)), effects, atom.effect)
-            for rival in rivals:
-                fresh.setdefault(frozenset(rival[0]), rival)
-    for known in selection.fits:
-        fresh.pop(frozenset(known.effects), None)
-    sets, starts = list(fresh.values()), None
+    found = [late_elsewhere(best, effects)]
+    found += [_in_place(best, *one, effects) for one in (*seen, *((effect, *there) for effect, there in lost.items()))]
+    known, sets, starts = {frozenset(fit.effects) for fit in selection.fits}, list[Set](), None
+    for rivals in found:
+        sets += (new := [some for some in rivals if frozenset(some[0]) not in known])
+        known |= {frozenset(some) for some, _ in new}
     part, which = _enough(shooting, least_loss)
     if sets and part.segments.size < shooting.segments.size:
         sets, starts = near(part, which, sets, best, [CLOSE * selection.score.scale] * len(sets))
     below = [selection.below(some) for some, _ in sets]
     compare(shooting, selection, sets, best, race=np.inf, starts=starts, below=below)
+
+
+def _in_place(best: Fit, effect: Effect, part: Shooting, fit: Fit, effects: Sequence[Effect]) -> list[Set]:
+    """The best set with others in place of one of its effects.
+
+    What gains as much begins a second time with the rest as it is in the best set. Where the rest made up for what was
+    gone, it led nowhere: of a push, a spring and a Stribeck friction, a bias in place of the push left 1.021 of the
+    noise on a part for 0.995.
+
+    Args:
+        best: the best set.
+        effect: of it.
+        part: the likelihood, over a part of the data perhaps.
+        fit: the best set without the effect there.
+        effects: what is tried.
+    """
+    screened = screen(part, fit, allowed(effects, fit))
+    own = max((a.gain for a in screened.atoms if a.effect.key == effect.key), default=0.0)
+    atoms = [a for a in screened.best() if a.gain >= ALIKE * own and not _same_or_more(a.effect, effect)]
+    found: list[Set] = []
+    for atom in diverse(atoms, RIVALS):
+        rival = join(fit, [atom])
+        found.append(rival)
+        if atom.gain > _AS_GOOD * own:
+            pairs = list(zip(*rival, strict=True))
+            found.append((rival[0], tuple(best.by_effect.get(e, v) for e, v in pairs)))
+            found += other_forms(pairs, effects, atom.effect)
+    return found
 
 
 def _lost_on_a_part(
