@@ -25,6 +25,8 @@ beside a cogging a rotor rather than another centre of mass that does the same."
 NEARLY = 0.05
 """Chi2 per degree of freedom by which a set is so close to a larger one that other initial states may be all between
 them. Where nothing was missing, on a valve that sticks and slips, a stop gained 0.016 so."""
+_ROUGHLY = 20
+"""Rounds for the fit of a part of a set: where it is far off it creeps, and how far it is to some percent is enough."""
 _STUCK = 1.0
 """Chi2 by which a fit may end above that of a set that it contains."""
 
@@ -39,7 +41,7 @@ class Selection:
         score: how they compare.
         cut_short: whether sets that could still have become the best were not developed.
         beside: the set from whose initial states smaller ones were fitted last.
-        parts: fits of parts of a set that were not compared, by its chi2 and their effects.
+        parts: fits of parts of a set that were not compared, by the effects of the set and theirs.
         simplified: chi2 of the best sets in place of which simpler ones were tried, and the scores that these had.
     """
 
@@ -48,7 +50,7 @@ class Selection:
     score: Score
     cut_short: bool = False
     beside: Fit | None = None
-    parts: dict[tuple[float, frozenset[Effect]], Fit] = dataclasses.field(default_factory=dict)
+    parts: dict[tuple[frozenset[Effect], frozenset[Effect]], Fit] = dataclasses.field(default_factory=dict)
     simplified: set[tuple[float, Score]] = dataclasses.field(default_factory=set)
 
     @property
@@ -206,11 +208,12 @@ def fitted(shooting: Shooting, selection: Selection, effects: Sequence[Effect], 
     One that fits worse than what it contains was given up in a race, or got stuck, and is fitted from there.
     """
     best = whole or selection.best
-    place = best.chi2, frozenset(effects)
+    place = frozenset(best.effects), frozenset(effects)
     found = [fit for fit in (selection.of(effects), selection.parts.get(place)) if fit is not None]
     if not found:
         start = (tuple(effects), tuple(best.by_effect[effect] for effect in effects))
-        found = shooting.fit([start], best.starts, near=best, below=selection.below(effects) if effects else None)
+        smaller = selection.below(effects) if effects else None
+        found = shooting.fit([start], best.starts, _ROUGHLY, near=best, below=smaller)
     if place not in selection.parts:
         near = found[0].chi2 - best.chi2 < NEARLY * shooting.dof
         again = borrowed(shooting, found[0], best) if near else _from_within(shooting, selection, found[0])
