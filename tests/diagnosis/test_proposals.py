@@ -12,7 +12,6 @@ from torch_activegp.diagnosis.proposals import (
     companies,
     diverse,
     join,
-    late_elsewhere,
     richer,
     simpler,
     softened,
@@ -176,48 +175,6 @@ def test_effects_that_hide_each_other_are_seen_together() -> None:
     assert companies([dry, wet, bias], worth, 4, 1000.0) == []
     poor = {name: gain - 300.0 for name, gain in gains.items()}
     assert companies([dry, wet], lambda company: poor[" ".join(sorted(a.effect.name for a in company))], 4, 20.0) == []
-
-
-@pytest.mark.parametrize(
-    ("late", "other"),
-    [
-        ("actuator_delay", "sensor_delay"),
-        ("sensor_delay", "actuator_delay"),
-        ("actuator_delay", "actuator_lag"),
-        ("actuator_lag", "actuator_delay"),
-    ],
-)
-def test_a_late_drive_may_be_a_late_encoder_or_late_in_another_way(bench, late, other) -> None:
-    places = {"actuator_delay": "actuator:drive", "actuator_lag": "actuator:drive", "sensor_delay": "sensor:hip"}
-    effect, rubbing = bench.effect(late, places[late]), bench.effect("viscous_friction")
-    fit = SimpleNamespace(effects=(rubbing, effect), values=(np.array([0.1]), np.array([0.004])))
-    found = {effects[1].name: (effects, values) for effects, values in late_elsewhere(fit, bench.effects)}
-    effects, values = found[other]
-    assert (effects[0], effects[1].target) == (rubbing, places[other])
-    assert [float(value[0]) for value in values] == [0.1, 0.004]
-    assert late not in found
-    alone = SimpleNamespace(effects=(rubbing,), values=(np.array([0.1]),))
-    assert late_elsewhere(alone, bench.effects) == []
-
-
-def test_two_that_are_late_are_one_that_is_as_late_as_both(bench) -> None:
-    delay, lag = (bench.effect(name, "actuator:drive") for name in ("actuator_delay", "actuator_lag"))
-    late, rubbing = bench.effect("sensor_delay", "sensor:hip"), bench.effect("viscous_friction")
-    fit = SimpleNamespace(effects=(lag, rubbing, late), values=tuple(np.array([v]) for v in (0.006, 0.1, 0.001)))
-    sums = {some[0][1]: float(some[1][1][0]) for some in late_elsewhere(fit, bench.effects) if len(some[0]) == 2}
-    assert sums == {effect: pytest.approx(0.007) for effect in (delay, lag, late)}
-    three = SimpleNamespace(effects=(delay, lag, late), values=tuple(np.array([v]) for v in (0.002, 0.006, 0.001)))
-    sets = [effects for effects, _ in late_elsewhere(three, bench.effects)]
-    assert {len(set(effects)) for effects in sets} == {1, 2}
-    assert all(len(set(effects)) == len(effects) for effects in sets)
-
-
-def test_two_drives_of_one_joint_are_not_late_for_each_other(bench) -> None:
-    delay, lag = (bench.effect(name, "actuator:drive") for name in ("actuator_delay", "actuator_lag"))
-    other = dataclasses.replace(lag, target="actuator:other")
-    assert other.drives == delay.drives
-    fit = SimpleNamespace(effects=(delay,), values=(np.array([0.004]),))
-    assert [effects for effects, _ in late_elsewhere(fit, [lag, other])] == [(lag,)]
 
 
 def test_two_levels_are_one_and_a_bias_that_is_no_name(bench) -> None:

@@ -9,9 +9,10 @@ import numpy as np
 
 from torch_activegp.diagnosis.chaining import borrowed, chained
 from torch_activegp.diagnosis.compared import Selection, compare
+from torch_activegp.diagnosis.elsewhere import elsewhere
 from torch_activegp.diagnosis.fit import Fit
 from torch_activegp.diagnosis.merging import merged
-from torch_activegp.diagnosis.proposals import Set, beginning, late_elsewhere
+from torch_activegp.diagnosis.proposals import Set, beginning
 from torch_activegp.diagnosis.prospects import NOISE_ALONE
 from torch_activegp.diagnosis.shooting import Shooting
 from torch_activegp.physics.effect import Effect
@@ -31,8 +32,8 @@ _POLISHES = 4
 def polish(shooting: Shooting, selection: Selection, effects: Sequence[Effect]) -> None:
     """The best set with all derivatives taken there, and its close rivals from the states and parameters that it found.
 
-    Sets that nothing tells apart reach the same chi2 only so, and each may show the others the way; what comes late
-    elsewhere is fitted from there too, for it may have been given up in a race.
+    Sets that nothing tells apart reach the same chi2 only so, and each may show the others the way; what says the
+    same elsewhere is fitted from there too, for it may have been given up in a race.
     """
     precise = dataclasses.replace(shooting, cheap=None)  # no derivatives but its own
     for number in range(_POLISHES if selection.best.effects else 0):
@@ -49,7 +50,7 @@ def polish(shooting: Shooting, selection: Selection, effects: Sequence[Effect]) 
         near = _near(selection, best, max(2.0 * gained, 0.0), 0.0 if number else stuck)
         near = selection.add([_again(precise, fit, best) for fit in near])
         sets = [some for fit in near if (some := shared(fit, best)) is not None]
-        sets += [] if number else [*late_elsewhere(best, effects), *_one_for_two(selection, best, effects)]
+        sets += [] if number else [*elsewhere(best, effects), *_one_for_two(selection, best, effects)]
         compare(shooting, selection, sets, best, race=np.inf, below=[selection.below(some) for some, _ in sets])
         if gained <= _SETTLED and selection.score(selection.best) > selection.score(best) - _SETTLED:
             break

@@ -13,7 +13,6 @@ from torch_activegp.diagnosis.fit import Fit
 from torch_activegp.diagnosis.merging import TWO_SIDED, merged, push
 from torch_activegp.diagnosis.runs import Array
 from torch_activegp.diagnosis.screening import Atom
-from torch_activegp.physics.actuator import ActuatorEffect
 from torch_activegp.physics.effect import Effect
 from torch_activegp.physics.soft_friction import SOFT
 
@@ -24,7 +23,6 @@ MOST = 6
 _BEAM = 6
 _BEST = 2
 _START = 0.15
-_LATE = ({"actuator_delay", "sensor_delay"}, {"actuator_lag", "sensor_delay"}, {"actuator_delay", "actuator_lag"})
 
 
 def diverse(atoms: Sequence[Atom], most: int = MOST) -> list[Atom]:
@@ -166,12 +164,12 @@ def simpler(
     fewer, plain = other_forms(pairs, effects), []
     for effect, value in ((e, v) for e, v in pairs if e.key not in free):
         others = [(e, v) for e, v in pairs if e is not effect]
-        fewer += [_set(others), *other_forms(others, effects)] if others else []
+        fewer += [paired(others), *other_forms(others, effects)] if others else []
         for law in effects:
             if law.target == effect.target and law.name in effect.covers and law.linear == 1:
                 alone = [*others, (law, np.array([value[: effect.linear].mean()]))]
-                plain += [_set([*alone, *more]) for more in ([], *_offset(best, effect, value, effects, free))]
-    plain += [*map(_set, merged(pairs, effects)), *_once_less(pairs, effects)]
+                plain += [paired([*alone, *more]) for more in ([], *_offset(best, effect, value, effects, free))]
+    plain += [*map(paired, merged(pairs, effects)), *_once_less(pairs, effects)]
     fresh = [some for some in fewer if frozenset(some[0]) not in known]
     return fresh + [some for some in plain if known.get(frozenset(some[0]), np.inf) > close]
 
@@ -185,7 +183,7 @@ def softened(sets: Iterable[Set], effects: Sequence[Effect]) -> list[Set]:
             e: form for e, _ in pairs for form in effects if form.key == e.key and form.variant == SOFT != e.variant
         }
         if soft:
-            out.append(_set([(soft[e], soft[e].taking_over(e, v)) if e in soft else (e, v) for e, v in pairs]))
+            out.append(paired([(soft[e], soft[e].taking_over(e, v)) if e in soft else (e, v) for e, v in pairs]))
     return out
 
 
@@ -200,7 +198,7 @@ def other_forms(
         of: the one that takes another form; each in turn where there is none.
     """
     return [
-        _set([*((e, v) for e, v in pairs if e is not effect), (form, form.taking_over(effect, value))])
+        paired([*((e, v) for e, v in pairs if e is not effect), (form, form.taking_over(effect, value))])
         for effect, value in pairs
         if of is None or effect is of
         for form in effects
@@ -215,47 +213,12 @@ def _once_less(pairs: Sequence[tuple[Effect, Array]], effects: Sequence[Effect])
         families = [form.family() for form in effects if form.key == effect.key and form.more is not None]
         for before, more in (pair for family in families for pair in itertools.pairwise(family) if pair[1] is effect):
             others = [(e, v) for e, v in pairs if e is not more]
-            out += [_set([*others, (before, fewer)]) for fewer in more.once_less(value)]
+            out += [paired([*others, (before, fewer)]) for fewer in more.once_less(value)]
     return out
 
 
-def late_elsewhere(best: Fit, effects: Sequence[Effect]) -> list[Set]:
-    """A set with the encoder late by as much as the drive was, or the drive as the encoder, or in another way.
-
-    Often they make the same motion: a delay much shorter than the time between rows, for instance, and such a lag. So
-    do two of them together and one that is as late as both.
-    """
-    pairs = list(zip(best.effects, best.values, strict=True))
-    out: list[Set] = []
-    for late, value in pairs:
-        for other in (effect for effect in effects if _late_alike(late, effect)):
-            others = [(e, v) for e, v in pairs if e is not late and e.key != other.key]
-            out.append(_set([*others, (other, value)]))
-    for (late, value), (again, more) in itertools.combinations(pairs, 2):
-        for other in effects if _late_alike(late, again) else ():
-            if other in (late, again) or (_late_alike(late, other) and _late_alike(again, other)):
-                others = [(e, v) for e, v in pairs if e.key not in (late.key, again.key, other.key)]
-                out.append(_set([*others, (other, value + more)]))
-    return out
-
-
-def _late_alike(one: Effect, other: Effect) -> bool:
-    """Whether both make the same motion late, in two ways or at two places."""
-    return {one.name, other.name} in _LATE and _moves_the_same(one, other)
-
-
-def _moves_the_same(one: Effect, other: Effect) -> bool:
-    """Whether two effects are of one actuator, or of an actuator and the encoder of the joint that it moves."""
-    return one.target == other.target or _drives(one, other) or _drives(other, one)
-
-
-def _drives(drive: Effect, read: Effect) -> bool:
-    """Whether the first is of an actuator that moves the joint of the second, which is of no actuator."""
-    of_two = isinstance(read, ActuatorEffect)
-    return isinstance(drive, ActuatorEffect) and not of_two and drive.drives == f"joint:{read.item}"
-
-
-def _set(pairs: Sequence[tuple[Effect, Array]]) -> Set:
+def paired(pairs: Sequence[tuple[Effect, Array]]) -> Set:
+    """A set of effects and their parameters."""
     return tuple(e for e, _ in pairs), tuple(v for _, v in pairs)
 
 

@@ -9,9 +9,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from torch_activegp.diagnosis.compared import Selection, compare, without_each
+from torch_activegp.diagnosis.elsewhere import elsewhere
 from torch_activegp.diagnosis.fit import Fit
 from torch_activegp.diagnosis.heats import CLOSE, PART, heat, near
-from torch_activegp.diagnosis.proposals import Set, diverse, join, late_elsewhere, other_forms, softened
+from torch_activegp.diagnosis.proposals import Set, diverse, join, other_forms, softened
 from torch_activegp.diagnosis.screening import allowed, screen
 from torch_activegp.diagnosis.shooting import Shooting
 from torch_activegp.diagnosis.tuning import at_an_optimum, undone
@@ -43,7 +44,7 @@ def swap(selection: Selection, shooting: Shooting, effects: Sequence[Effect]) ->
         return
     least_loss = min((fit.chi2 - best.chi2 for _, fit in smaller), default=np.inf)
     seen = [(effect, *_seen(shooting, fit, fit.chi2 - best.chi2)) for effect, fit in smaller]
-    found = [late_elsewhere(best, effects)]
+    found = [elsewhere(best, effects)]
     found += [_in_place(best, *one, effects) for one in (*seen, *((effect, *there) for effect, there in lost.items()))]
     known, sets, starts = {frozenset(fit.effects) for fit in selection.fits}, list[Set](), None
     for rivals in found:
