@@ -120,8 +120,7 @@ def explain(
         floor = raised(noise, start.noise)
         if first.effects and (other := noise_behind(start.shooting, first, floor)) is not None:
             floor = raised(floor, other)
-            sets = [(first.effects, first.values), *start.sets]
-            start = _with_noise(machine, numerics, start, sets, start.free, other, tell)
+            start = _with_noise(machine, numerics, start, first, start.sets, start.free, other, tell)
         tell("naming on all data")
         selection = select_from(start)
         for number in range(_ANEW):
@@ -129,7 +128,8 @@ def explain(
             if other is None:
                 break
             floor = raised(floor, other)
-            start = _with_noise(machine, numerics, start, leaders(selection), selection.score.free, other, tell)
+            best, free = selection.best, selection.score.free
+            start = _with_noise(machine, numerics, start, best, besides(leaders(selection), best), free, other, tell)
             selection = select_from(start)
         return start, selection
 
@@ -179,29 +179,33 @@ def _with_noise(
     machine: Machine,
     numerics: Numerics,
     start: _Start,
-    sets: Sets,
+    best: Fit,
+    rest: Sets,
     free: frozenset[tuple[str, str]],
     noise: NoiseModel,
     tell: Tell,
 ) -> _Start:
     """What naming begins from where what is left shows that the noise is another one.
 
-    Numerics are judged by it too, unless it is much like the one that they were chosen by, behind the first set.
+    Numerics are judged by it too, unless it is much like the one that they were chosen by, behind the first set; from
+    where the best set was fitted, for a stop that begins elsewhere may end anywhere, by any form.
     """
     tell("naming with the noise seen behind the effects")
     segments, nominal = start.shooting.segments, start.nominal
+    sets: Sets = [*([(best.effects, best.values)] if best.effects else []), *rest]
     loud = float((start.shooting.noise.innovation / noise.innovation).max())
     far = bool(segments.far_off(nominal.per_segment * loud**2, _TOO_FAR).any())
+    near, nominal = best.without_derivatives, nominal.without_derivatives  # which are those of the other noise
     if not far and sets and is_of(start.first, sets[0][0]) and _alike(noise, start.noise):
         shooting = dataclasses.replace(start.shooting, noise=noise)
-        nominal, first = nominal.without_derivatives, start.first.without_derivatives  # those of the other noise
         bare = shooting.fit([((), ())], nominal.starts, CREEPS, near=nominal)[0]
-        judged = shooting.fit(sets[:1], first.starts, near=first)[0]
+        judged = shooting.fit(sets[:1], start.first.starts, near=start.first.without_derivatives)[0]
         return _Start(start.engine, shooting, bare, besides(sets, judged), judged, free, start.noise)
     if far:
         longer = longest(machine, numerics, noise, _TOO_FAR)
         segments, nominal = longer.segments, longer.nominal
-    engine, shooting, nominal, judged = numerics.choose(segments, noise, nominal, nominal, sets)
+        near = nominal
+    engine, shooting, nominal, judged = numerics.choose(segments, noise, near, nominal, sets)
     return _Start(engine, shooting, nominal, besides(sets, judged), judged, free, noise)
 
 
@@ -214,7 +218,8 @@ def _finish(
         best, first = selection.best, leaders(selection)
         quiet = best.chi2 < NOISE_ALONE * shooting.dof
         settled = not best.effects or (is_of(judged, best.effects) and quiet)
-        if not (settled or selection.cut_short or hopeless(selection, shooting)):
+        lost = (selection.cut_short and not quiet) or hopeless(selection, shooting)
+        if not (settled or lost):
             known = (engine, shooting)
             again, other, bare, judged = numerics.choose(shooting.segments, shooting.noise, best, nominal, first, known)
             if again is not engine:
