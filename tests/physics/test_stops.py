@@ -27,7 +27,8 @@ def test_a_joint_is_not_always_behind_its_stop(bench: Any, kind: Any) -> None:
     effect, (low, high) = kind.at(bench.shoulder, bench.model), bench.shoulder.position
     stop = effect.parameters[2]
     ends = (low, high) if kind.side > 0 else (-high, -low)
-    assert stop.high == ends[1]
+    assert stop.high == pytest.approx(ends[1] + 0.05 * (high - low))  # an encoder may read too little
+    assert effect.end == ends[1]
     assert stop.low == pytest.approx(ends[1] - 0.6 * (high - low))
     assert all(stop.low < seed[2] < stop.high for seed in effect.seeds)
 
@@ -67,7 +68,7 @@ def test_a_soft_first_guess_comes_with_a_stop_that_ends_the_motion_on_the_way_th
     bench: Any, kind: Any
 ) -> None:
     stop = kind.at(bench.shoulder, bench.model)
-    place = stop.parameters[2].high - 0.01
+    place = stop.end - 0.01
     *critical, (stiffness, damping, there) = stop.starts_beside(np.array([1.0, 0.1, place]))
     assert len(critical) == 2
     assert there == place

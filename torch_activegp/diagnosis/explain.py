@@ -187,8 +187,8 @@ def _with_noise(
 ) -> _Start:
     """What naming begins from where what is left shows that the noise is another one.
 
-    Numerics are judged by it too, unless it is much like the one that they were chosen by, behind the first set; from
-    where the best set was fitted, for a stop that begins elsewhere may end anywhere, by any form.
+    Numerics are judged by it too, unless it is much like the one that they were chosen by, behind a set that holds this
+    one; from where the best set was fitted, for a stop that begins elsewhere may end anywhere, by any form.
     """
     tell("naming with the noise seen behind the effects")
     segments, nominal = start.shooting.segments, start.nominal
@@ -196,10 +196,11 @@ def _with_noise(
     loud = float((start.shooting.noise.innovation / noise.innovation).max())
     far = bool(segments.far_off(nominal.per_segment * loud**2, _TOO_FAR).any())
     near, nominal = best.without_derivatives, nominal.without_derivatives  # which are those of the other noise
-    if not far and sets and is_of(start.first, sets[0][0]) and _alike(noise, start.noise):
+    known = bool(sets and np.isfinite(start.first.chi2)) and set(sets[0][0]) <= set(start.first.effects)
+    if not far and known and _alike(noise, start.noise):
         shooting = dataclasses.replace(start.shooting, noise=noise)
         bare = shooting.fit([((), ())], nominal.starts, CREEPS, near=nominal)[0]
-        judged = shooting.fit(sets[:1], start.first.starts, near=start.first.without_derivatives)[0]
+        judged = shooting.fit(sets[:1], near.starts, near=near)[0]
         return _Start(start.engine, shooting, bare, besides(sets, judged), judged, free, start.noise)
     if far:
         longer = longest(machine, numerics, noise, _TOO_FAR)

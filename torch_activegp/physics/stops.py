@@ -18,6 +18,9 @@ _STOP_PLACES, _HARDEST = 12, 0.0024
 _DEEPEST = 0.6
 """Part of the range behind a stop at most. On a drive that was always behind one (EMPS), its damper was what a viscous
 friction has more of in one direction."""
+_BEYOND = 0.05
+"""Part of the range beyond it at which a stop may be: an encoder that reads a little less than there is shows the joint
+short of its stop. One that read 1 % less kept a stop 18 mrad from where it was, and three effects were `unknown`."""
 _SOFT, _BOUNCES = 0.1, 0.2
 """Part of a hard stop's stiffness from which on another stop is hard itself; damping of a hard one, of half the
 critical."""
@@ -32,6 +35,7 @@ class JointStop(JointEffect):
     Args:
         inertia: of the joint in the nominal model, kg m2 or kg.
         speed: of the joint where it is fast, rad/s or m/s.
+        end: of the recorded range, rad or m.
     """
 
     name = "joint_stop"
@@ -40,6 +44,7 @@ class JointStop(JointEffect):
     order = WITH_ITS_INERTIA
     inertia: float = 1.0
     speed: float = 0.0
+    end: float = 0.0
     side: ClassVar[float] = 1.0
 
     @classmethod
@@ -54,14 +59,19 @@ class JointStop(JointEffect):
                 "damping", f"{place.force_unit} s/{place.position_unit}", 0.2 * place.force / place.speed, low=0.0
             ),
             Parameter(
-                "position", place.position_unit, 0.01 * width, low=high - _DEEPEST * width, high=high, place=True
+                "position",
+                place.position_unit,
+                0.01 * width,
+                low=high - _DEEPEST * width,
+                high=high + _BEYOND * width,
+                place=True,
             ),
         )
         places = high - width * np.geomspace(_HARDEST, 0.45, _STOP_PLACES)
         seeds = [[stiffness, 0.1 * place.force / place.speed, position] for position in places]
         inertia = 1.0 / max(float(model.dof_invweight0[place.index]), 1e-12)
-        end = "upper" if cls.side > 0 else "lower"
-        return cls.make(place, parameters, seeds, linear=2, variant=end, inertia=inertia, speed=place.speed)
+        way = {"variant": "upper" if cls.side > 0 else "lower", "inertia": inertia, "speed": place.speed, "end": high}
+        return cls.make(place, parameters, seeds, linear=2, **way)
 
     def starts_beside(self, values: Array) -> list[Array]:
         """The same stiffness with half the critical damping, and all of it: a hard stop takes the bounce away.
@@ -71,7 +81,7 @@ class JointStop(JointEffect):
         """
         half = np.sqrt(np.maximum(values[0], 0.0) * self.inertia)
         beside = [np.array([values[0], damping, values[2]]) for damping in (half, 2.0 * half)]
-        depth = max(float(self.parameters[2].high - values[2]), self.parameters[2].scale * _HARDEST)
+        depth = max(float(self.end - values[2]), self.parameters[2].scale * _HARDEST)
         hard = self.inertia * (self.speed / depth) ** 2
         if hard * _SOFT <= values[0]:
             return beside
