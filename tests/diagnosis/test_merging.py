@@ -4,7 +4,7 @@ import mujoco
 import numpy as np
 import pytest
 
-from torch_activegp.diagnosis.merging import merged, push
+from torch_activegp.diagnosis.merging import merged, push, pushes_alone
 from torch_activegp.physics import Place
 from torch_activegp.physics.friction import AsymmetricCoulomb, CoulombFriction
 from torch_activegp.physics.inertia import CenterOfMassOffset, GravityError, pulls_of_gravity
@@ -111,3 +111,15 @@ def test_another_centre_out_of_the_plane_of_a_load_is_a_load_anywhere() -> None:
     expected_mass, expected_center = moments(*pairs)
     assert mass == pytest.approx(expected_mass)
     np.testing.assert_allclose(center, expected_center, atol=1e-12)
+
+
+def test_a_spring_that_hardly_stiffens_is_a_push(bench) -> None:
+    wet, force = bench.effect("viscous_friction"), bench.effect("constant_force")
+    bias = bench.effect("actuator_bias", "actuator:drive")
+    spring = next(e for e in bench.effects if isinstance(e, LinearSpring))
+    pairs = [(wet, np.array([0.1])), (spring, np.array([1e-5, 0.3]))]
+    found = pushes_alone(pairs, [wet, force, bias, spring])
+    assert [[e for e, _ in some] for some in found] == [[wet, force], [wet, bias]]
+    assert all(push(*some[1], spring.target) == pytest.approx(0.3) for some in found)
+    assert pushes_alone([*pairs, (force, np.array([0.1]))], [force]) == []
+    assert pushes_alone(pairs[:1], [force]) == []

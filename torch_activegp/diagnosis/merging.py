@@ -58,6 +58,17 @@ def _springs_at_rest(pairs: Sequence[Pair], effects: Sequence[Effect]) -> list[l
     return out
 
 
+def pushes_alone(pairs: Sequence[Pair], effects: Sequence[Effect]) -> list[list[Pair]]:
+    """A constant force, or a drive's bias, in place of a spring: one that hardly stiffens is a push from far away."""
+    out: list[list[Pair]] = []
+    for spring, value in pairs:
+        if isinstance(spring, LinearSpring):
+            others = [(e, v) for e, v in pairs if e is not spring]
+            units = [(e, push(e, np.ones(1), spring.target)) for e in effects if all(e.key != o.key for o, _ in others)]
+            out += [[*others, (e, np.array([value[1] / unit]))] for e, unit in units if unit]
+    return out
+
+
 def push(effect: Effect, value: Array, target: str) -> float:
     """The constant force of an effect on a joint, N m or N."""
     if effect.key == ("constant_force", target):

@@ -10,7 +10,7 @@ import numpy as np
 
 from torch_activegp.diagnosis.elimination import invert, wald
 from torch_activegp.diagnosis.fit import Fit
-from torch_activegp.diagnosis.merging import TWO_SIDED, merged, push
+from torch_activegp.diagnosis.merging import TWO_SIDED, merged, push, pushes_alone
 from torch_activegp.diagnosis.runs import Array
 from torch_activegp.diagnosis.screening import Atom
 from torch_activegp.physics.effect import Effect
@@ -169,7 +169,7 @@ def simpler(
             if law.target == effect.target and law.name in effect.covers and law.linear == 1:
                 alone = [*others, (law, np.array([value[: effect.linear].mean()]))]
                 plain += [paired([*alone, *more]) for more in ([], *_offset(best, effect, value, effects, free))]
-    plain += [*map(paired, merged(pairs, effects)), *_once_less(pairs, effects)]
+    plain += [*map(paired, [*merged(pairs, effects), *pushes_alone(pairs, effects)]), *_once_less(pairs, effects)]
     fresh = [some for some in fewer if frozenset(some[0]) not in known]
     return fresh + [some for some in plain if known.get(frozenset(some[0]), np.inf) > close]
 
