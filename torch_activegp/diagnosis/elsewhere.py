@@ -5,14 +5,11 @@ from __future__ import annotations
 import itertools
 from collections.abc import Sequence
 
-import numpy as np
-
 from torch_activegp.diagnosis.fit import Fit
-from torch_activegp.diagnosis.merging import push
+from torch_activegp.diagnosis.merging import as_pushes, constant
 from torch_activegp.diagnosis.proposals import Set, paired
 from torch_activegp.physics.actuator import ActuatorEffect
 from torch_activegp.physics.effect import Effect
-from torch_activegp.physics.inertia import GravityError
 
 _LATE = ({"actuator_delay", "sensor_delay"}, {"actuator_lag", "sensor_delay"}, {"actuator_delay", "actuator_lag"})
 
@@ -33,15 +30,7 @@ def pushed_elsewhere(best: Fit, effects: Sequence[Effect]) -> list[Set]:
     What is constant at a joint is the same force whoever exerts it: nothing recorded there tells them apart.
     """
     pairs = list(zip(best.effects, best.values, strict=True))
-    out: list[Set] = []
-    for effect, value in pairs:
-        for other in (one for one in effects if one.key not in best.keys):
-            target = getattr(other, "drives", other.target)
-            unit = push(other, np.ones(1), target)
-            force = effect.push(value, target) if isinstance(effect, GravityError) else push(effect, value, target)
-            if unit and force:
-                out.append(paired([*((e, v) for e, v in pairs if e is not effect), (other, np.array([force / unit]))]))
-    return out
+    return [paired(some) for some in as_pushes(pairs, effects, constant)]
 
 
 def late_elsewhere(best: Fit, effects: Sequence[Effect]) -> list[Set]:

@@ -166,8 +166,11 @@ class Engine:
 
     def _apart(self, segments: Segments, starts: Array, candidates: Sequence[Candidate]) -> Array:
         """All states ``(N, S, K + 1, nq + nv)``, the last ones of each segment held; those of like length together."""
+        groups = segments.of_like_length(len(candidates))
+        if len(groups) == 1 and segments.lengths.max() == segments.intervals:  # nothing to put apart, or to copy
+            return self._simulate(segments, starts, candidates)
         out = np.empty((len(candidates), segments.size, segments.intervals + 1, self.state_size))
-        for which in segments.of_like_length(len(candidates)):
+        for which in groups:
             last = int(segments.lengths[which].max())
             some = [candidate.pick(which, last) for candidate in candidates]
             states = self._simulate(segments.pick(which).until(last), starts[:, which], some)

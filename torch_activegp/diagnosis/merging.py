@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 
 import numpy as np
 
@@ -36,11 +36,10 @@ def _two_levels(pairs: Sequence[Pair], effects: Sequence[Effect]) -> list[list[P
     out: list[list[Pair]] = []
     for dry, level in pairs:
         laws = [e for e in effects if e.target == dry.target and dry.name in e.covers and e.name == TWO_SIDED]
-        for constant, value in pairs if dry.name == "coulomb_friction" else ():
-            gravity = constant if isinstance(constant, GravityError) else None
-            force = gravity.push(value, dry.target) if gravity else push(constant, value, dry.target)
+        for steady, value in pairs if dry.name == "coulomb_friction" else ():
+            force = constant(steady, value, dry.target)
             two_sided = np.array([level[0] - force, level[0] + force])
-            others = [(e, v) for e, v in pairs if e is not dry and e is not constant]
+            others = [(e, v) for e, v in pairs if e is not dry and e is not steady]
             out += [[*others, (law, two_sided)] for law in laws if force and law.plausible(two_sided)]
     return out
 
@@ -50,9 +49,9 @@ def _springs_at_rest(pairs: Sequence[Pair], effects: Sequence[Effect]) -> list[l
     out: list[list[Pair]] = []
     for spring, stiffness in pairs:
         forms = [e for e in effects if isinstance(spring, CenteredSpring) and e.key == spring.key]
-        for constant, value in pairs if forms else ():
-            force = push(constant, value, spring.target)
-            others = [(e, v) for e, v in pairs if e is not spring and e is not constant]
+        for steady, value in pairs if forms else ():
+            force = push(steady, value, spring.target)
+            others = [(e, v) for e, v in pairs if e is not spring and e is not steady]
             resting = [form for form in forms if isinstance(form, LinearSpring)]
             out += [[*others, (form, np.array([stiffness[0], force]))] for form in resting if force]
     return out
@@ -60,13 +59,36 @@ def _springs_at_rest(pairs: Sequence[Pair], effects: Sequence[Effect]) -> list[l
 
 def pushes_alone(pairs: Sequence[Pair], effects: Sequence[Effect]) -> list[list[Pair]]:
     """A constant force, or a drive's bias, in place of a spring: one that hardly stiffens is a push from far away."""
+
+    def preload(effect: Effect, value: Array, target: str) -> float:
+        return float(value[1]) if isinstance(effect, LinearSpring) and effect.target == target else 0.0
+
+    return as_pushes(pairs, effects, preload)
+
+
+def as_pushes(
+    pairs: Sequence[Pair], effects: Sequence[Effect], force: Callable[[Effect, Array, str], float]
+) -> list[list[Pair]]:
+    """A set with a constant force, or a drive's bias, in place of each effect that exerts one.
+
+    Args:
+        pairs: effects and their parameters.
+        effects: what is tried.
+        force: of an effect with some parameters on a joint, N m or N; 0 where it exerts none.
+    """
     out: list[list[Pair]] = []
-    for spring, value in pairs:
-        if isinstance(spring, LinearSpring):
-            others = [(e, v) for e, v in pairs if e is not spring]
-            units = [(e, push(e, np.ones(1), spring.target)) for e in effects if all(e.key != o.key for o, _ in others)]
-            out += [[*others, (e, np.array([value[1] / unit]))] for e, unit in units if unit]
+    for effect, value in pairs:
+        for other in (one for one in effects if all(one.key != e.key for e, _ in pairs)):
+            target = getattr(other, "drives", other.target)
+            unit, there = push(other, np.ones(1), target), force(effect, value, target)
+            if unit and there:
+                out.append([*((e, v) for e, v in pairs if e is not effect), (other, np.array([there / unit]))])
     return out
+
+
+def constant(effect: Effect, value: Array, target: str) -> float:
+    """The constant force of an effect on a joint, N m or N, gravity's pull on a slide among them."""
+    return effect.push(value, target) if isinstance(effect, GravityError) else push(effect, value, target)
 
 
 def push(effect: Effect, value: Array, target: str) -> float:
