@@ -286,6 +286,7 @@ def test_a_part_is_fitted_once_however_often_it_is_asked_for(bench, found) -> No
     both = dataclasses.replace(
         whole, effects=(*whole.effects, bench.effect("cubic_spring")), values=(*whole.values, np.zeros(1))
     )
+    both = dataclasses.replace(both, per_segment=whole.per_segment - 1.0)  # whose states would be tried each time
     found.add([both])
     once = fitted(bench.shooting, found, whole.effects, both)
     work = bench.shooting.work

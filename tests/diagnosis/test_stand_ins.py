@@ -9,7 +9,7 @@ from torch_activegp.diagnosis.candidate import Candidate
 from torch_activegp.diagnosis.compared import Selection
 from torch_activegp.diagnosis.heats import Heat
 from torch_activegp.diagnosis.score import Score
-from torch_activegp.diagnosis.stand_ins import _enough, forms_of_parts, soften, swap, try_tuned, undo
+from torch_activegp.diagnosis.stand_ins import _enough, _in_place, forms_of_parts, soften, swap, try_tuned, undo
 
 
 def test_rivals_take_the_place_of_what_was_found(bench) -> None:
@@ -156,3 +156,17 @@ def test_nothing_is_sought_in_place_of_a_name_without_which_another_set_comes_fi
     monkeypatch.setattr("torch_activegp.diagnosis.stand_ins.screen", None)
     swap(found, bench.shooting, bench.effects)
     assert found.best.effects == wet.effects
+
+
+def test_what_gains_as_much_begins_with_the_rest_as_it_is_beside_the_effect_too(bench) -> None:
+    wet, push = bench.effect("viscous_friction"), bench.effect("constant_force")
+    bias = bench.effect("actuator_bias", "actuator:drive")
+    start = ((wet, push), (np.array([0.05]), np.array([0.0])))
+    fits = bench.shooting.fit([start], bench.nominal.starts)
+    best = dataclasses.replace(fits[0], values=(np.array([0.03]), np.array([0.02])))
+    rest = bench.fit("viscous_friction", 0.05)
+    found = _in_place(best, push, bench.shooting, rest, [push, bias])
+    sets = [dict(zip(*some, strict=True)) for some in found]
+    assert [set(some) for some in sets] == [{wet, bias}, {wet, bias}]
+    assert [some[wet][0] for some in sets] == [rest.values[0][0], 0.03]
+    assert sets[0][bias][0] == sets[1][bias][0]
