@@ -24,7 +24,17 @@ LAYERS = (
     ("cli",),
     ("__main__",),
 )
-RANK = {name: rank for rank, layer in enumerate(LAYERS) for name in layer}
+DIAGNOSIS = (
+    ("checkpoint", "result"),
+    ("inputs",),
+    ("noise",),
+    ("simulation",),
+    ("shooting",),
+    ("preparation",),
+    ("selection",),
+    ("findings",),
+    ("diagnose", "evaluate"),
+)
 MAX_LINES = 300
 # Written in two halves, so that this file passes its own check.
 FORBIDDEN = tuple(
@@ -63,20 +73,33 @@ def imported_modules(path: Path, root: Path) -> Iterator[tuple[int, str]]:
                 yield node.lineno, name.removeprefix(PACKAGE).removeprefix(".")
 
 
-def layer_faults(root: Path) -> list[str]:
-    """Imports that point to the right or across one layer, and packages that no layer names."""
+def layer_faults(root: Path, inside: str = "", layers: tuple[tuple[str, ...], ...] = LAYERS) -> list[str]:
+    """Imports that point to the right or across one layer, and packages that no layer names.
+
+    Args:
+        root: of the repository.
+        inside: the dotted package that is looked at, inside the whole one.
+        layers: of that package, an arrow from one to itself or to the left is fine.
+    """
+    rank = {name: position for position, layer in enumerate(layers) for name in layer}
+    outer = tuple(inside.split(".")) if inside else ()
     faults = []
     for path in modules(root):
         parts = path.relative_to(root / PACKAGE).with_suffix("").parts
-        here = parts[0]
+        if parts[: len(outer)] != outer:
+            continue
+        here = parts[len(outer)]
         if here == "__init__":  # the front door may show what lies in any layer
             continue
-        if here not in RANK:
+        if here not in rank:
             faults.append(f"{path.relative_to(root)}: `{here}` is in no layer")
             continue
         for line, name in imported_modules(path, root):
-            there = name.split(".")[0]
-            if there != here and RANK.get(there, len(LAYERS)) >= RANK[here]:
+            names = tuple(name.split("."))
+            if names[: len(outer)] != outer:
+                continue
+            there = ".".join(names[len(outer) : len(outer) + 1])
+            if there != here and rank.get(there, len(layers)) >= rank[here]:
                 faults.append(f"{path.relative_to(root)}:{line}: `{here}` may not import `{there}`")
     return faults
 
@@ -113,6 +136,10 @@ def place_faults(paths: Iterable[Path]) -> list[str]:
 
 def test_imports_point_only_to_the_left() -> None:
     assert layer_faults(ROOT) == []
+
+
+def test_so_they_do_inside_the_diagnosis() -> None:
+    assert layer_faults(ROOT, "diagnosis", DIAGNOSIS) == []
 
 
 def test_every_module_has_its_mirrored_test_file() -> None:
@@ -180,6 +207,24 @@ def test_a_wrong_import_is_found(tmp_path: Path, file: str, line: str) -> None:
 )
 def test_a_right_import_passes(tmp_path: Path, file: str, line: str) -> None:
     assert layer_faults(_tree(tmp_path, {f"{PACKAGE}/{file}": line})) == []
+
+
+@pytest.mark.parametrize(
+    ("file", "line", "faults"),
+    [
+        ("noise/a.py", "from torch_activegp.diagnosis.shooting.fit import Fit", 1),
+        ("noise/a.py", "from torch_activegp.diagnosis import diagnose", 1),
+        ("noise/a.py", "from torch_activegp.diagnosis import shooting", 1),
+        ("helpers.py", "", 1),
+        ("shooting/a.py", "from torch_activegp.diagnosis.noise.floor import noise_floor", 0),
+        ("shooting/a.py", "from torch_activegp.physics.effect import Effect", 0),
+        ("shooting/a.py", "from torch_activegp.diagnosis.shooting.b import c", 0),
+        ("__init__.py", "from torch_activegp.diagnosis.diagnose import diagnose", 0),
+    ],
+)
+def test_a_wrong_import_inside_the_diagnosis_is_found(tmp_path: Path, file: str, line: str, faults: int) -> None:
+    _tree(tmp_path, {f"{PACKAGE}/diagnosis/{file}": line, f"{PACKAGE}/data/a.py": "from torch_activegp.cli import b"})
+    assert len(layer_faults(tmp_path, "diagnosis", DIAGNOSIS)) == faults
 
 
 def test_a_missing_mirror_is_found(tmp_path: Path) -> None:

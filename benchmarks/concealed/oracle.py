@@ -13,19 +13,19 @@ import mujoco
 from benchmarks.concealed.run import Way, digest
 from benchmarks.concealed.translation import Form, forms_of, sets_of, true_forms
 from torch_activegp.data import load_recordings
-from torch_activegp.diagnosis.engine import Engine
-from torch_activegp.diagnosis.fit import Fit
-from torch_activegp.diagnosis.forecast import compare
-from torch_activegp.diagnosis.lengths import uncut
-from torch_activegp.diagnosis.machine import Machine, make_machine
-from torch_activegp.diagnosis.noise_floor import noise_floor
-from torch_activegp.diagnosis.noise_model import NoiseModel
-from torch_activegp.diagnosis.numerics import Numerics
-from torch_activegp.diagnosis.places import effects_for
-from torch_activegp.diagnosis.runs import median_step
-from torch_activegp.diagnosis.segments import Segments
-from torch_activegp.diagnosis.shooting import Shooting
-from torch_activegp.diagnosis.source import read_source
+from torch_activegp.diagnosis.findings.forecast import compare
+from torch_activegp.diagnosis.inputs.machine import Machine, make_machine
+from torch_activegp.diagnosis.inputs.runs import median_step
+from torch_activegp.diagnosis.inputs.segments import Segments
+from torch_activegp.diagnosis.inputs.source import read_source
+from torch_activegp.diagnosis.noise.floor import noise_floor
+from torch_activegp.diagnosis.noise.model import NoiseModel
+from torch_activegp.diagnosis.preparation.lengths import uncut
+from torch_activegp.diagnosis.preparation.numerics import Numerics
+from torch_activegp.diagnosis.shooting.fit import Fit
+from torch_activegp.diagnosis.shooting.likelihood import Shooting
+from torch_activegp.diagnosis.simulation.engine import Engine
+from torch_activegp.diagnosis.simulation.places import effects_for
 from torch_activegp.physics import Effect
 
 _FINEST = 1e-3

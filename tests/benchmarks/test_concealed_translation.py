@@ -20,7 +20,7 @@ from benchmarks.concealed.oracle import Case, consult, true_sets
 from benchmarks.concealed.plant import read_plant
 from benchmarks.concealed.systems import SYSTEMS, write_model
 from benchmarks.concealed.translation import ServoSaturation, described, forms_of, values_of
-from torch_activegp.diagnosis.shooting import Shooting
+from torch_activegp.diagnosis.shooting.likelihood import Shooting
 
 SEED = 7
 

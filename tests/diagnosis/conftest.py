@@ -13,14 +13,14 @@ from scipy.integrate import solve_ivp
 
 from torch_activegp.data import Recording
 from torch_activegp.diagnosis import Diagnosis, diagnose
-from torch_activegp.diagnosis.engine import Candidate, Engine
-from torch_activegp.diagnosis.fit import Fit
-from torch_activegp.diagnosis.machine import Machine, make_machine
-from torch_activegp.diagnosis.noise_model import NoiseModel
-from torch_activegp.diagnosis.places import effects_for
-from torch_activegp.diagnosis.runs import Channels, Run
-from torch_activegp.diagnosis.segments import Segments, cut
-from torch_activegp.diagnosis.shooting import Shooting
+from torch_activegp.diagnosis.inputs.machine import Machine, make_machine
+from torch_activegp.diagnosis.inputs.runs import Channels, Run
+from torch_activegp.diagnosis.inputs.segments import Segments, cut
+from torch_activegp.diagnosis.noise.model import NoiseModel
+from torch_activegp.diagnosis.shooting.fit import Fit
+from torch_activegp.diagnosis.shooting.likelihood import Shooting
+from torch_activegp.diagnosis.simulation.engine import Candidate, Engine
+from torch_activegp.diagnosis.simulation.places import effects_for
 from torch_activegp.physics import Effect
 from torch_activegp.simulators import ActionSpace, OdeSimulator, StateSpace
 

@@ -6,7 +6,7 @@ import mujoco
 import numpy as np
 
 from torch_activegp.data import Recording
-from torch_activegp.diagnosis.machine import Machine, make_machine
+from torch_activegp.diagnosis.inputs.machine import Machine, make_machine
 
 _XML = """
 <mujoco><option timestep="{step}" gravity="0 0 0"/><worldbody>

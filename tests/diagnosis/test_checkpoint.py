@@ -10,8 +10,8 @@ import numpy as np
 import pytest
 
 from torch_activegp.diagnosis import Checkpoint, Diagnosis, diagnose
-from torch_activegp.diagnosis.candidate import Candidate
-from torch_activegp.diagnosis.score import Score
+from torch_activegp.diagnosis.shooting.score import Score
+from torch_activegp.diagnosis.simulation.candidate import Candidate
 
 
 @pytest.fixture

@@ -12,9 +12,9 @@ import pytest
 
 from torch_activegp.data.balls import balls_model, load_balls
 from torch_activegp.diagnosis import diagnose, evaluate
-from torch_activegp.diagnosis.compared import Selection
 from torch_activegp.diagnosis.diagnose import _remainder, _rivals
-from torch_activegp.diagnosis.score import Score
+from torch_activegp.diagnosis.selection.compared import Selection
+from torch_activegp.diagnosis.shooting.score import Score
 from torch_activegp.errors import ConfigurationError, DataError
 from torch_activegp.physics import Parameter, Place
 from torch_activegp.physics.friction import write_sharp

@@ -10,30 +10,30 @@ import numpy as np
 from threadpoolctl import threadpool_limits
 
 from torch_activegp.data import Recording
-from torch_activegp.diagnosis.blackbox import accelerations
-from torch_activegp.diagnosis.blackbox_simulator import simulator_with
 from torch_activegp.diagnosis.checkpoint import Checkpoint
-from torch_activegp.diagnosis.correction import Form, corrected_xml
-from torch_activegp.diagnosis.engine import NOMINAL
-from torch_activegp.diagnosis.evidence import laws, map_region, map_time
-from torch_activegp.diagnosis.explain import Explanation, explain
-from torch_activegp.diagnosis.fingerprint import fingerprint
-from torch_activegp.diagnosis.fit import Fit
-from torch_activegp.diagnosis.forecast import compare
-from torch_activegp.diagnosis.intervals import estimates
-from torch_activegp.diagnosis.judge import Judgement
-from torch_activegp.diagnosis.linearize import linearize
-from torch_activegp.diagnosis.locate import entries, locate, somewhere
-from torch_activegp.diagnosis.machine import Machine, check_given, make_machine
-from torch_activegp.diagnosis.notes import search_notes
-from torch_activegp.diagnosis.places import effects_for
-from torch_activegp.diagnosis.proposal import propose
-from torch_activegp.diagnosis.remainder import Outcome, model_remainder
+from torch_activegp.diagnosis.findings.evidence import laws, map_region, map_time
+from torch_activegp.diagnosis.findings.forecast import compare
+from torch_activegp.diagnosis.findings.locate import entries, locate, somewhere
+from torch_activegp.diagnosis.findings.notes import search_notes
+from torch_activegp.diagnosis.findings.proposal import propose
+from torch_activegp.diagnosis.findings.remainder import Outcome, model_remainder
+from torch_activegp.diagnosis.findings.verdict import Verdict, decide
+from torch_activegp.diagnosis.findings.words import sentence
+from torch_activegp.diagnosis.inputs.blackbox import accelerations
+from torch_activegp.diagnosis.inputs.fingerprint import fingerprint
+from torch_activegp.diagnosis.inputs.machine import Machine, check_given, make_machine
+from torch_activegp.diagnosis.inputs.runs import Array, input_addresses, median_step
+from torch_activegp.diagnosis.inputs.source import Source, read_source
 from torch_activegp.diagnosis.result import Diagnosis, NamedEffect
-from torch_activegp.diagnosis.runs import Array, input_addresses, median_step
-from torch_activegp.diagnosis.source import Source, read_source
-from torch_activegp.diagnosis.verdict import Verdict, decide
-from torch_activegp.diagnosis.words import sentence
+from torch_activegp.diagnosis.selection.explain import Explanation, explain
+from torch_activegp.diagnosis.selection.intervals import estimates
+from torch_activegp.diagnosis.selection.judge import Judgement
+from torch_activegp.diagnosis.shooting.fit import Fit
+from torch_activegp.diagnosis.shooting.linearize import linearize
+from torch_activegp.diagnosis.simulation.blackbox_simulator import simulator_with
+from torch_activegp.diagnosis.simulation.correction import Form, corrected_xml
+from torch_activegp.diagnosis.simulation.engine import NOMINAL
+from torch_activegp.diagnosis.simulation.places import effects_for
 from torch_activegp.physics.effect import Effect
 
 _logger = logging.getLogger(__name__)

@@ -8,16 +8,16 @@ from typing import Any
 import mujoco
 
 from torch_activegp.data import Recording
-from torch_activegp.diagnosis.blackbox import check_clock, check_recordings
-from torch_activegp.diagnosis.blackbox_engine import BlackBoxEngine
-from torch_activegp.diagnosis.engine import NOMINAL, Engine, substeps_for
-from torch_activegp.diagnosis.forecast import compare
-from torch_activegp.diagnosis.forms import begin_drives
-from torch_activegp.diagnosis.machine import check_given, recording_notes
-from torch_activegp.diagnosis.noise_floor import noise_floor
-from torch_activegp.diagnosis.runs import Channels, make_run
-from torch_activegp.diagnosis.source import read_source
-from torch_activegp.diagnosis.wrong_units import check_units
+from torch_activegp.diagnosis.findings.forecast import compare
+from torch_activegp.diagnosis.inputs.blackbox import check_clock, check_recordings
+from torch_activegp.diagnosis.inputs.machine import check_given, recording_notes
+from torch_activegp.diagnosis.inputs.runs import Channels, make_run
+from torch_activegp.diagnosis.inputs.source import read_source
+from torch_activegp.diagnosis.inputs.wrong_units import check_units
+from torch_activegp.diagnosis.noise.floor import noise_floor
+from torch_activegp.diagnosis.simulation.blackbox_engine import BlackBoxEngine
+from torch_activegp.diagnosis.simulation.engine import NOMINAL, Engine, substeps_for
+from torch_activegp.diagnosis.simulation.forms import begin_drives
 from torch_activegp.errors import DataError
 
 

@@ -172,7 +172,7 @@ class Diagnosis:
         evidence: what the report draws.
         files: further files to write, text by name: ``corrected.xml``, ``next.csv``, ...
         corrected: the simulator with the effects in it; see
-            :func:`~torch_activegp.diagnosis.simulator.corrected_simulator`.
+            :func:`~torch_activegp.diagnosis.simulation.simulator.corrected_simulator`.
         learned: the same with a Gaussian process of the force that no effect explains, or None where there is none.
         states: further files to write with ``torch.save``, by name: ``remainder.pt``.
         stability: what becomes of the effects when each recording is left out, where there are effects.

@@ -1,0 +1,40 @@
+from __future__ import annotations
+
+import dataclasses
+
+import numpy as np
+
+from torch_activegp.diagnosis.findings.notes import search_notes
+from torch_activegp.diagnosis.selection.compared import Selection
+from torch_activegp.diagnosis.selection.explain import Explanation
+from torch_activegp.diagnosis.shooting.score import Score
+
+
+def test_nothing_is_said_of_a_search_as_it_should_be_and_all_that_is_not(bench) -> None:
+    selection = Selection(bench.nominal, [bench.nominal], Score(bench.shooting.samples, 5, 1.0))
+    plain = Explanation(bench.engine, bench.shooting, selection, (), fine=False)
+    assert search_notes(plain, bench.machine.model) == []
+    some = bench.shooting.pick(np.arange(0, bench.segments.size, 2))
+    short = dataclasses.replace(selection, cut_short=True)
+    found = Explanation(bench.engine, some, short, (), fine=True, firm=True)
+    numerics, part, end = search_notes(found, bench.machine.model)
+    own = f"as it stands (by Runge-Kutta in steps of {bench.machine.model.opt.timestep:g} s)"
+    assert own in numerics
+    assert "by Runge-Kutta in steps of 0.005 s" in numerics
+    assert "sticks firmly" in numerics
+    assert "47% of the recordings" in part
+    assert "15 million time steps" in end
+
+
+def test_what_was_not_sought_on_a_joint_that_does_not_turn_back_is_told(bench) -> None:
+    selection = Selection(bench.nominal, [bench.nominal], Score(bench.shooting.samples, 5, 1.0))
+
+    def notes(*lacking: str) -> list[str]:
+        effects = tuple(effect for effect in bench.effects if effect.name not in lacking)
+        return search_notes(Explanation(bench.engine, bench.shooting, selection, effects, False), bench.machine.model)
+
+    assert notes() == []
+    (both,) = notes("hysteresis", "asymmetric_friction")
+    assert both.startswith("joint:hip hardly turns back") and "hysteresis and friction that differs between" in both
+    (one,) = notes("hysteresis")
+    assert "friction that differs" not in one

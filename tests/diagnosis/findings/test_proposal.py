@@ -1,0 +1,82 @@
+from __future__ import annotations
+
+import dataclasses
+
+import numpy as np
+import pytest
+
+from torch_activegp.diagnosis.findings.proposal import least_certain, propose
+from torch_activegp.diagnosis.selection.compared import Selection
+from torch_activegp.diagnosis.selection.explain import Explanation
+from torch_activegp.diagnosis.selection.judge import judge
+from torch_activegp.diagnosis.shooting.score import Score
+
+
+@pytest.fixture(scope="module")
+def wet(bench):
+    return bench.fit("viscous_friction", 0.05)
+
+
+def proposed(bench, *fits, **changed):
+    selection = Selection(bench.nominal, [bench.nominal, *fits], Score(bench.shooting.samples, 20, 1.0))
+    explanation = Explanation(bench.engine, bench.shooting, selection, bench.effects, fine=False)
+    judgement = dataclasses.replace(judge(bench.shooting, selection), **changed)
+    return propose(explanation, judgement, bench.machine.fit, 0)
+
+
+def test_where_all_rivals_are_ruled_out_the_least_certain_parameter_is_measured(bench, wet) -> None:
+    entry, text = proposed(bench, wet)
+    assert entry["separates"][0].startswith("coefficient of viscous_friction at joint:hip 0.0")
+    assert "standard error" in entry["why"]
+    assert text.startswith("time,ctrl.drive")
+
+
+def test_rivals_that_are_open_are_told_apart(bench, wet) -> None:
+    drag = dataclasses.replace(bench.fit("quadratic_drag", 0.02), chi2=wet.chi2 + 5.0)
+    entry, _ = proposed(bench, wet, drag)
+    assert entry["separates"] == ["viscous_friction", "quadratic_drag"]
+
+
+def test_where_nothing_is_certain_rivals_are_told_apart_however_far(bench, wet) -> None:
+    entry, _ = proposed(bench, wet, verdict="unknown")
+    assert entry["separates"] == ["viscous_friction", "no effect"]
+    assert proposed(bench, verdict="unknown") is None
+
+
+def test_nothing_is_proposed_where_nothing_differs(bench, wet) -> None:
+    assert proposed(bench, wet, verdict="none") is None
+
+
+def test_the_ends_of_the_least_certain_parameter_are_four_standard_errors_apart(wet) -> None:
+    (low, high), telling = least_certain(wet, np.linalg.inv(wet.information))
+    error = wet.information[0, 0] ** -0.5
+    np.testing.assert_allclose(high.values[0] - low.values[0], 4.0 * error)
+    assert f"{error:.2g} N m s/rad to about {0.5 * error:.2g}" in telling.sentence(48.0)
+    np.testing.assert_allclose(
+        np.subtract(*(least_certain(wet, 4.0 / wet.information)[0][k].values[0] for k in (1, 0))), 8.0 * error
+    )
+    assert f"{error:.2g} N m s/rad to {0.1 * error:.2g} N m s/rad or less" in telling.sentence(1e8)
+    assert least_certain(wet, np.zeros((1, 1))) is None
+
+
+def test_a_number_that_has_no_name_is_told_by_its_effect(bench) -> None:
+    cogging = bench.effect("cogging")
+    fit = dataclasses.replace(
+        bench.nominal, effects=(cogging,), values=(np.full(len(cogging.parameters), 0.5),), information=np.eye(3)
+    )
+    _, telling = least_certain(fit, np.diag([1e-2, 1e-6, 1e-6]))
+    assert "cogging at joint:hip, whose standard errors these controls would bring to about 50 %" in telling.sentence(
+        48
+    )
+
+
+def test_other_parameters_follow_the_least_certain_one(bench, wet) -> None:
+    information = np.array([[400.0, -19.0], [-19.0, 1.0]])
+    effects = (wet.effects[0], bench.effect("constant_force"))
+    fit = dataclasses.replace(wet, effects=effects, values=(np.ones(1), 9.0 * np.ones(1)), information=information)
+    covariance = np.linalg.inv(information)
+    (low, high), telling = least_certain(fit, covariance)
+    step = [high.values[k][0] - low.values[k][0] for k in range(2)]
+    place = int(np.argmax(np.diag(covariance) ** 0.5 / [1.0, 9.0]))
+    np.testing.assert_allclose(step, 4.0 * covariance[:, place] / covariance[place, place] ** 0.5)
+    assert fit.effects[place].name in telling.separates[0]

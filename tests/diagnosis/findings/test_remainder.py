@@ -1,0 +1,74 @@
+"""The remainder against a force that is known, and that it stays away where nothing is left."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import torch
+
+from torch_activegp.diagnosis import Diagnosis
+from torch_activegp.diagnosis.findings.forecast import compare
+from torch_activegp.diagnosis.findings.remainder import model_remainder
+
+NAMES = ("qpos.hip", "qvel.hip", "ctrl.drive")
+
+
+def test_learns_the_force_that_a_model_leaves_out(bench: Any) -> None:
+    outcome = model_remainder(bench.shooting, bench.nominal, NAMES)
+    assert outcome.effect is not None
+    runs = bench.machine.fit
+    speed = np.concatenate([run.velocity[:-1, 0] for run in runs])
+    inputs = np.stack(
+        [np.concatenate([run.smooth[:-1, 0] for run in runs]), speed, np.concatenate([r.control[:, 0] for r in runs])],
+        axis=1,
+    )
+    error = outcome.effect.force(inputs)[:, 0] + bench.viscous * speed
+    assert np.sqrt(np.mean(error**2)) < 0.25 * bench.viscous * speed.std()
+
+
+def test_says_what_it_used_and_on_what_it_was_judged(bench: Any) -> None:
+    details = model_remainder(bench.shooting, bench.nominal, NAMES).details
+    assert details["used"] is True
+    assert set(details["length_scales"]["joint:hip"]) == set(NAMES)
+    assert details["chi2_of_kept"]["gp"] < 0.5 * details["chi2_of_kept"]["after"]
+
+
+def test_halves_the_free_run_error_on_a_run_it_has_not_seen(bench: Any) -> None:
+    outcome = model_remainder(bench.shooting, bench.nominal, NAMES)
+    nominal = bench.nominal.candidate
+    models = {"before": (bench.engine, nominal), "gp": (bench.engine, outcome.on(nominal))}
+    errors, _ = compare(models, bench.machine.holdout, bench.machine.channels.joints, bench.shooting.noise)
+    assert errors["free_run"]["gp"] < 0.5 * errors["free_run"]["before"]
+    assert errors["one_step"]["gp"] <= errors["one_step"]["before"]
+
+
+def test_comes_on_top_of_what_is_named(bench: Any) -> None:
+    named = bench.fit("viscous_friction", -bench.viscous)
+    outcome = model_remainder(bench.shooting, named, NAMES)
+    if outcome.effect is not None:
+        inputs = np.stack([bench.machine.fit[0].smooth[:-1, 0], bench.machine.fit[0].velocity[:-1, 0]], axis=1)
+        force = outcome.effect.force(np.hstack([inputs, bench.machine.fit[0].control]))
+        assert np.abs(force).max() < 0.3 * bench.viscous * np.abs(inputs[:, 1]).max()
+
+
+def test_an_unknown_bump_is_forecast_and_saved(diagnosed: Callable[[str], Diagnosis], tmp_path: Path) -> None:
+    diagnosis = diagnosed("bump")
+    assert diagnosis.verdict == "unknown"
+    assert diagnosis.details["remainder"]["used"]
+    errors = diagnosis.details["fit"]["holdout"]["free_run"]
+    assert errors["gp"] < 0.5 * errors["after"]
+    assert all("gp" in run["free_run"] for run in diagnosis.details["fit"]["holdout"]["runs"])
+    diagnosis.save(tmp_path)
+    state = torch.load(tmp_path / "remainder.pt", weights_only=True)
+    assert state["weights"].shape == (1, diagnosis.details["remainder"]["points"])
+    assert diagnosis.learned(torch.zeros(1, 2), torch.zeros(1, 1)).isfinite().all()
+
+
+def test_a_right_model_has_no_remainder(diagnosed: Callable[[str], Diagnosis]) -> None:
+    diagnosis = diagnosed("none")
+    assert diagnosis.details["remainder"] is None
+    assert diagnosis.learned is None
+    assert not diagnosis.states

@@ -1,0 +1,46 @@
+from __future__ import annotations
+
+import dataclasses
+
+import pytest
+
+from torch_activegp.diagnosis.findings.verdict import decide
+from torch_activegp.diagnosis.result import EffectStability, Stability
+from torch_activegp.diagnosis.selection.compared import Selection
+from torch_activegp.diagnosis.shooting.score import Score
+
+
+@pytest.fixture
+def selection(bench) -> Selection:
+    fits = [bench.nominal, bench.fit("viscous_friction", 0.05), bench.fit("coulomb_friction", 0.01)]
+    return Selection(bench.nominal, fits, Score(bench.shooting.samples, 60, 1.0))
+
+
+def test_a_name_that_forecasts_what_was_left_out_stays(bench, selection) -> None:
+    judgement, stable, notes = decide(bench.shooting, selection)
+    assert [effect.name for effect in judgement.named] == ["viscous_friction"]
+    assert stable is not None
+    assert not stable.effects[0].refuted
+    assert notes == ()
+
+
+def test_a_refuted_name_makes_way_for_the_next_best_set(bench, selection, monkeypatch) -> None:
+    """The recordings left out are said to be worse for friction by the speed; dry friction comes next, and is not."""
+
+    def said(shooting, selection, judgement) -> Stability:
+        effects = [
+            EffectStability(e.name, e.target, (4.0, -20.0), (), {}, refuted=e.name == "viscous_friction")
+            for e in judgement.named
+        ]
+        return Stability(("a", "b"), tuple(effects), "said", True)
+
+    monkeypatch.setattr("torch_activegp.diagnosis.findings.verdict.stability", said)
+    plain, (nominal, _, dry) = selection.score, selection.fits
+    selection.score = dataclasses.replace(plain, free=frozenset({("coulomb_friction", "joint:hip")}))
+    judgement, _, notes = decide(bench.shooting, selection)
+    assert judgement.fit.keys == {("coulomb_friction", "joint:hip")}
+    assert [words.split(" would")[0] for words in notes] == ["viscous_friction at joint:hip"]
+    assert len(selection.fits) == 3  # the caller's own are left alone
+    left = Selection(nominal, [nominal, dry], plain)
+    left.rescale(bench.shooting.dof)
+    assert judgement.rivals[1][1] == pytest.approx(left.score(nominal) - left.score(dry))  # dry friction costs its name

@@ -1,0 +1,110 @@
+from __future__ import annotations
+
+import pytest
+
+from torch_activegp.diagnosis.findings.words import sentence
+from torch_activegp.diagnosis.result import Estimate, NamedEffect
+
+LEFT = {"share": 0.05, "white": True, "chi2_per_dof": 1.0}
+ERROR = {
+    "fit": {"holdout": {"free_run": {"before": 0.1234, "after": 0.01, "noise": 0.009}}},
+    "location": [],
+    "unexplained": LEFT,
+}
+
+
+def named(name: str, share: float, ties: tuple[tuple[str, str], ...] = ()) -> NamedEffect:
+    return NamedEffect(name, "joint:hip", "law", share, 1.0, {"c": Estimate(1.0, "1", (0.0, 2.0))}, ties)
+
+
+def test_nothing_found() -> None:
+    assert sentence("none", (), ERROR) == "The simulator and the recordings differ by noise alone."
+
+
+@pytest.mark.parametrize(
+    ("location", "words"),
+    [([], "differ, and no effect"), ([{"target": "joint:hip"}, {"target": "b"}], "most of it at joint:hip, and no")],
+)
+def test_unknown_says_where(location, words) -> None:
+    assert words in sentence("unknown", (), {**ERROR, "location": location})
+
+
+@pytest.mark.parametrize(
+    ("targets", "share", "ending"),
+    [
+        ((), 1.0, "explains it."),
+        (("a",), 0.6, "explains it."),
+        (("a",), 0.02, "explains it: drag at a leaves 2.7e+03 times the noise (chi2 per dof)."),
+        (("a", "b"), 0.02, "explains it: drag at a and drag at b leave 2.7e+03 times the noise (chi2 per dof)."),
+    ],
+)
+def test_unknown_says_what_came_closest(targets, share, ending) -> None:
+    effects = [{"name": "drag", "target": target} for target in targets]
+    found = {"rivals": [{"effects": effects, "chi2_per_dof": 2703.0}], "unexplained": {"share": share}}
+    assert sentence("unknown", (), {**ERROR, **found}).endswith(ending)
+
+
+def test_unknown_says_what_a_learned_force_gains() -> None:
+    free = {"before": 1.14, "after": 1.14, "gp": 0.1084, "noise": 0.0024}
+    text = sentence("unknown", (), {**ERROR, "fit": {"holdout": {"free_run": free}}})
+    assert text.endswith(
+        "explains it; with a force learned from the recordings (remainder.pt) the free-run error on held-out runs goes "
+        "from 1.14 to 0.108 (noise 0.0024)."
+    )
+
+
+def test_named_effects_are_listed_with_what_they_explain_together() -> None:
+    text = sentence("named", [named("a", 0.5), named("b", 0.2), named("c", 0.1)], ERROR)
+    assert text == (
+        "The simulator leaves out a at joint:hip, b at joint:hip and c at joint:hip, explaining 80% of the "
+        "mismatch; with it, the free-run error on held-out runs falls from 0.123 to 0.01 (noise 0.009)."
+    )
+
+
+def test_a_tie_names_the_others() -> None:
+    text = sentence("tie", [named("a", 0.9, (("b", "joint:hip"), ("c", "world")))], ERROR)
+    assert text.endswith("(noise 0.009); the recordings cannot tell it from b at joint:hip or c at world.")
+
+
+def test_ties_of_several_effects_are_told_apart() -> None:
+    effects = [
+        named("a", 0.6, (("b", "joint:hip"),)),
+        named("c", 0.2),
+        named("d", 0.1, (("b", "joint:hip"), ("e", "world"))),
+    ]
+    text = sentence("tie", effects, ERROR)
+    assert text.endswith(
+        "cannot tell a at joint:hip from b at joint:hip and d at joint:hip from b at joint:hip or e at world."
+    )
+
+
+def test_an_error_that_grows_is_not_said_to_fall() -> None:
+    worse = {"fit": {"holdout": {"free_run": {"before": 0.1, "after": 0.2, "noise": 0.009}}}, "unexplained": LEFT}
+    assert "rises from 0.1 to 0.2" in sentence("named", [named("a", 0.9)], worse)
+
+
+def test_an_error_that_hardly_changes_stays() -> None:
+    same = {
+        "fit": {"holdout": {"free_run": {"before": 0.02251, "after": 0.02253, "noise": 0.009}}},
+        "unexplained": LEFT,
+    }
+    assert "held-out runs stays at 0.0225 (noise" in sentence("named", [named("a", 0.9)], same)
+
+
+@pytest.mark.parametrize(
+    ("chi2", "white", "warned"), [(146.0, False, True), (12.3, False, True), (12.3, True, False), (1.1, False, False)]
+)
+def test_names_that_leave_much_more_than_noise_are_not_all(chi2, white, warned) -> None:
+    details = {**ERROR, "unexplained": {"share": 0.05, "white": white, "chi2_per_dof": chi2}}
+    text = sentence("named", [named("a", 0.95)], details)
+    assert text.endswith("(chi2 per dof).") == warned
+    assert (f"; that is not all, for what is left is still {chi2:.2g} times the noise" in text) == warned
+
+
+def test_what_the_simulator_has_too_much_of_is_not_left_out() -> None:
+    lighter = NamedEffect("payload_mass", "body:arm", "m", 0.3, 1.0, {}, too_much=True)
+    text = sentence("named", [named("a", 0.5), lighter], ERROR)
+    assert text.startswith(
+        "The simulator leaves out a at joint:hip and has too much payload_mass at body:arm, explaining 80% of"
+    )
+    assert sentence("named", [lighter], ERROR).startswith("The simulator has too much payload_mass at body:arm, expl")

@@ -1,0 +1,96 @@
+from __future__ import annotations
+
+import dataclasses
+
+import mujoco
+import numpy as np
+import pytest
+
+from torch_activegp.data import Recording
+from torch_activegp.diagnosis.inputs.machine import make_machine
+from torch_activegp.diagnosis.inputs.wrong_controls import doubt_controls
+from torch_activegp.diagnosis.inputs.wrong_signs import check_signs
+from torch_activegp.errors import DataError
+
+XML = """
+<mujoco><option timestep="0.002"/><worldbody>
+<body><joint name="slide" type="slide" axis="1 0 0" damping="1"/><geom size=".1" mass="2"/></body>
+<body pos="0 1 0"><joint name="rod" axis="0 1 0" damping=".05"/><geom type="capsule" fromto="0 0 0 0 0 -.5" size=".02"/>
+</body></worldbody>
+<actuator><motor name="push" joint="slide"/><motor name="drive" joint="rod"/></actuator></mujoco>"""
+
+
+@pytest.fixture(scope="module")
+def records():
+    """A slide on a spring and a rod with friction, neither of which the model has."""
+
+    model = mujoco.MjModel.from_xml_string(XML)
+    model.jnt_stiffness[0], model.dof_frictionloss[1] = 60.0, 0.05
+
+    def make(scale: float = 1.0) -> list[Recording]:
+        time, runs = np.arange(0.0, 6.0, 0.01), []
+        rng = np.random.default_rng(0)
+        for number in range(3):
+            data, rows = mujoco.MjData(model), []
+            control = np.stack([9.0 * np.sin((2.0 + number) * time), 1.5 * np.sin((3.0 + number) * time)], axis=1)
+            for u in control:
+                rows.append(data.qpos.copy())
+                data.ctrl[:] = u
+                mujoco.mj_step(model, data, 5)
+            position = np.array(rows) + 1e-4 * rng.standard_normal((len(time), 2))
+            columns = {"time": time, "qpos.slide": position[:, 0], "qpos.rod": position[:, 1]}
+            columns |= {"ctrl.push": scale * control[:, 0], "ctrl.drive": control[:, 1]}
+            runs.append(Recording.from_columns(f"run{number}", columns))
+        return runs
+
+    return make
+
+
+def doubts(runs: list[Recording]) -> list[str]:
+    model = mujoco.MjModel.from_xml_string(XML)
+    machine = make_machine(model, runs, [])
+    found = doubt_controls(model, machine.channels, machine.fit)
+    assert sum(note.startswith("Column `ctrl") for note in machine.notes) == len(found)
+    return found
+
+
+@pytest.mark.parametrize(
+    ("scale", "words"),
+    [
+        (-1.0, ("the sign seems", "as if -0.9", 'ctrl.push = { column = "ctrl.push", sign = -1 }')),
+        (1e3, ("the unit seems", "scale = 1e-3")),
+        (1e-2, ("the unit seems", "scale = 1e2")),
+    ],
+)
+def test_a_sign_or_a_unit_is_doubted_beside_what_else_is_missing(records, scale: float, words: tuple[str, ...]) -> None:
+    (text,) = doubts(records(scale))
+    assert all(word in text for word in words)
+
+
+def test_where_a_position_could_be_in_another_unit_as_well_both_are_told(records) -> None:
+    words = r"qpos\.slide` .* unit = \"mm\" .* Or another column is: Column `ctrl\.push`.*scale = 1e3"
+    with pytest.raises(DataError, match=words.replace(" .* ", ".*")):
+        doubts(records(1e-3))
+
+
+@pytest.mark.parametrize("scale", [1.0, 1.6, 0.3])
+def test_controls_as_they_are_and_wrong_gains_are_not_doubted(records, scale: float) -> None:
+    assert doubts(records(scale)) == []
+
+
+def test_the_refusal_of_signs_does_not_see_this_one(records) -> None:
+    model = mujoco.MjModel.from_xml_string(XML)
+    machine = make_machine(model, records(-1.0), [])
+    check_signs(model, machine.channels, machine.fit)
+
+
+def test_where_motion_is_prescribed_nothing_is_said(records) -> None:
+    model = mujoco.MjModel.from_xml_string(XML)
+    machine = make_machine(model, records(-1.0), [])
+    channels = dataclasses.replace(machine.channels, prescribed=machine.channels)
+    assert doubt_controls(model, channels, machine.fit) == []
+
+
+def test_what_nothing_explains_is_not_blamed_on_a_control(records) -> None:
+    runs = [run.replace({"ctrl.push": run["ctrl.push"].flip(0)}) for run in records()]
+    assert doubts(runs) == []

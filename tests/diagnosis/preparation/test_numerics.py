@@ -1,0 +1,279 @@
+from __future__ import annotations
+
+import dataclasses
+
+import numpy as np
+import pytest
+
+from torch_activegp.diagnosis.noise.model import NoiseModel
+from torch_activegp.diagnosis.preparation import agreement, numerics
+from torch_activegp.diagnosis.preparation.numerics import Numerics
+from torch_activegp.diagnosis.shooting.likelihood import Shooting
+from torch_activegp.diagnosis.simulation.engine import NOMINAL, Candidate
+
+QUIET = NoiseModel.white(np.array([1e-4]))
+
+
+def test_a_coarsely_integrated_model_yields_to_the_fine_one(clean) -> None:
+    made = Numerics.of(clean.integrated("Euler", 0.01), 1)
+    engine, shooting, nominal, judged = made.choose(clean.segments, clean.shooting.noise, clean.nominal, clean.nominal)
+    assert engine is made.fine
+    assert nominal is judged
+    assert nominal.chi2 / shooting.dof == pytest.approx(1.0, abs=0.2)
+
+
+def test_recordings_of_the_model_itself_keep_its_own_time_step(clean) -> None:
+    made = Numerics.of(clean.integrated("Euler", 0.01), 1)
+    own = made.given.predict(clean.segments, clean.nominal.starts[None], [NOMINAL])[0][0]
+    noise = clean.noise * np.random.default_rng(0).normal(size=own.shape)
+    segments = dataclasses.replace(clean.segments, position=own + noise)
+    engine, *_ = made.choose(segments, clean.shooting.noise, clean.nominal, clean.nominal)
+    assert engine is made.given
+
+
+@pytest.mark.parametrize(("number", "cost"), [(0, 2), (3, 10)])
+def test_a_simulation_by_the_models_integrator_in_shorter_steps_is_found(clean, number: int, cost: int) -> None:
+    """In 5 ms or in 1 ms for 10 ms; the controls of either come half a step early, which no other form has."""
+    made = Numerics.of(clean.integrated("Euler", 0.01), 1)
+    truth = made.own[number]
+    assert truth.substeps == cost
+    own = truth.predict(clean.segments, clean.nominal.starts[None], [NOMINAL])[0][0]
+    noise = 0.05 * clean.noise * np.random.default_rng(0).normal(size=own.shape)
+    quiet = NoiseModel.white(np.array([0.05 * clean.noise]))
+    segments = dataclasses.replace(clean.segments, position=own + noise)
+    nominal = Shooting(made.given, segments, quiet).fit([((), ())], clean.nominal.starts)[0]
+    engine, shooting, fit, _ = made.choose(segments, quiet, nominal, nominal)
+    assert engine is truth
+    assert fit.chi2 / shooting.dof == pytest.approx(1.0, abs=0.25)
+
+
+def test_the_numerics_are_judged_with_a_set_where_one_is_given(bench) -> None:
+    made = Numerics.of(bench.integrated("Euler", 0.01), 1)
+    sets = [((bench.effect("viscous_friction"),), (np.array([0.05]),))]
+    engine, shooting, nominal, judged = made.choose(
+        bench.segments, bench.shooting.noise, bench.nominal, bench.nominal, sets
+    )
+    assert engine is made.fine
+    assert judged.values[0][0] == pytest.approx(bench.viscous, rel=0.05)
+    assert nominal.effects == ()
+    assert nominal.chi2 > 3 * judged.chi2
+    assert judged.chi2 / shooting.dof == pytest.approx(1.0, abs=0.2)
+
+
+@pytest.mark.parametrize("form", ["firm", "fine", "given"])
+def test_dry_friction_of_the_model_may_stick_more_firmly_on_the_machine(clean, form: str) -> None:
+    """MuJoCo's default lets a stuck joint creep, which is no missing friction."""
+    made = Numerics.of(clean.integrated("Euler", 0.005, 'frictionloss="0.6"'), 1)
+    assert made.firm is not None
+    truth = getattr(made, form)
+    own = truth.predict(clean.segments, clean.nominal.starts[None], [NOMINAL])[0][0]
+    noise = 0.1 * clean.noise * np.random.default_rng(0).normal(size=own.shape)
+    shooting = Shooting(made.given, dataclasses.replace(clean.segments, position=own + noise), QUIET)
+    nominal = shooting.fit([((), ())], clean.nominal.starts)[0]
+    engine, working, _, judged = made.choose(shooting.segments, QUIET, nominal, nominal)
+    assert engine is truth
+    assert judged.chi2 / working.dof == pytest.approx(1.0, abs=0.25)
+
+
+def test_what_comes_late_by_less_than_a_few_time_steps_is_seen_in_shorter_ones_too(clean) -> None:
+    made = Numerics.of(clean.integrated("RK4", 0.01), 1)
+    late = clean.effect("actuator_lag", "actuator:drive")
+    for seconds, short in ((0.015, True), (0.025, False)):
+        forms = made._forms(clean.segments, [((late,), (np.array([seconds]),))], None)
+        assert (made.finest in forms) is short
+
+
+def test_a_set_may_be_late_in_another_way(clean) -> None:
+    lag, delay = (clean.effect(name, "actuator:drive") for name in ("actuator_lag", "actuator_delay"))
+    wet, dry = clean.effect("viscous_friction"), clean.effect("coulomb_friction")
+    value = np.array([0.01])
+    some = [((wet, delay), (value, value)), ((delay, wet), (value, value)), ((wet,), (value,)), ((dry, lag), (value,))]
+    assert numerics._otherwise_late([((lag, wet), (value, value)), *some]) == [*some[:2]]
+    assert numerics._otherwise_late([((wet,), (value,)), *some]) == []
+    assert numerics._otherwise_late([]) == []
+
+
+def test_a_lag_within_a_time_step_is_no_delay_behind_long_steps(clean) -> None:
+    """The form and the way to be late are chosen together."""
+    made = Numerics.of(clean.integrated("RK4", 0.01), 1)
+    lag, delay = (clean.effect(name, "actuator:drive") for name in ("actuator_lag", "actuator_delay"))
+    truth = Candidate((lag,), (np.array([0.008]),))
+    own = made.finest.predict(clean.segments, clean.nominal.starts[None], [truth])[0][0]
+    noise = 0.02 * clean.noise * np.random.default_rng(0).normal(size=own.shape)
+    quiet = NoiseModel.white(np.array([0.02 * clean.noise]))
+    shooting = Shooting(made.given, dataclasses.replace(clean.segments, position=own + noise), quiet)
+    nominal = shooting.fit([((), ())], clean.nominal.starts)[0]
+    sets = [((late,), (np.array([0.008]),)) for late in (delay, lag)]
+    engine, *_, judged = made.choose(shooting.segments, quiet, nominal, nominal, sets)
+    assert (engine, judged.effects) == (made.finest, (lag,))
+
+
+def test_either_scheme_of_short_steps_may_be_closer_behind_an_effect_that_is_held(clean, monkeypatch) -> None:
+    monkeypatch.setattr("torch_activegp.diagnosis.simulation.forms.is_of_second_order", lambda model: False)
+    made = Numerics.of(clean.integrated("Euler", 0.005, 'frictionloss="0.6"'), 1)
+    held, smooth = clean.effect("joint_stop"), clean.effect("viscous_friction")
+    always = [made.given, made.fine, made.firm, made.firm_leapt]
+    assert made._forms(clean.segments, [((smooth,), (np.zeros(1),))], None) == always
+    assert made._forms(clean.segments, [((held,), (np.zeros(1),))], None) == [*always, made.finest, made.leapt]
+
+
+def test_friction_of_the_model_may_be_closer_by_leapfrog(clean, monkeypatch) -> None:
+    monkeypatch.setattr("torch_activegp.diagnosis.simulation.forms.is_of_second_order", lambda model: False)
+    made = Numerics.of(clean.integrated("Euler", 0.005, 'frictionloss="0.6"'), 1)
+    truth = made.firm_leapt
+    assert truth is not None
+    own = truth.predict(clean.segments, clean.nominal.starts[None], [NOMINAL])[0][0]
+    noise = 0.01 * clean.noise * np.random.default_rng(0).normal(size=own.shape)
+    quiet = NoiseModel.white(np.array([0.01 * clean.noise]))
+    shooting = Shooting(made.given, dataclasses.replace(clean.segments, position=own + noise), quiet)
+    nominal = shooting.fit([((), ())], clean.nominal.starts)[0]
+    engine, *_ = made.choose(shooting.segments, quiet, nominal, nominal)
+    assert engine is truth
+
+
+def truth_of(bench, made: Numerics, form: str, loud: float = 1.0) -> Shooting:
+    """The likelihood of what one of the forms would have recorded."""
+    own = getattr(made, form).predict(bench.segments, bench.nominal.starts[None], [NOMINAL])[0][0]
+    noise = loud * bench.noise * np.random.default_rng(0).normal(size=own.shape)
+    segments = dataclasses.replace(bench.segments, position=own + noise)
+    return Shooting(made.given, segments, NoiseModel.white(np.array([loud * bench.noise])))
+
+
+def test_a_hopeless_form_is_given_up_after_one_fit(clean, monkeypatch) -> None:
+    made = Numerics.of(clean.integrated("Euler", 0.01), 1)
+    shooting = truth_of(clean, made, "fine", 0.1)
+    settled = []
+
+    def listen(working, judged):
+        settled.append(judged.chi2 / working.dof)
+        return judged
+
+    monkeypatch.setattr(agreement, "chained", listen)
+    nominal = shooting.fit([((), ())], clean.nominal.starts)[0]
+    assert nominal.chi2 > 10 * shooting.dof
+    engine, *_ = made.choose(shooting.segments, shooting.noise, nominal, nominal)
+    assert engine is made.fine
+    assert max(settled) < 2.0
+    monkeypatch.setattr(numerics, "_NEAR", 0.0)
+    made.choose(shooting.segments, shooting.noise, nominal, nominal)
+    assert max(settled) > 4.0
+
+
+def test_the_cheapest_form_that_is_close_comes_first(clean, monkeypatch) -> None:
+    made = Numerics.of(clean.integrated("Euler", 0.01), 1)
+    shooting = truth_of(clean, made, "fine")
+    fit = shooting.fit([((), ())], clean.nominal.starts)[0]
+    precise = dataclasses.replace(shooting, engine=made.fine)
+    rival = agreement.Rival.at(shooting, made.fine, fit)
+    far = {id(made.coarse): 50.0, id(made.late): 20.0}
+    monkeypatch.setattr(numerics, "unabsorbed", lambda working, fit: far[id(working.engine)])
+    assert made._cheap_ones(rival, precise, fit) == [made.late, made.coarse, made.fine]
+    far[id(made.coarse)] = 29.0
+    assert made._cheap_ones(rival, precise, fit) == [made.coarse, made.late, made.fine]
+    stiff = dataclasses.replace(made, stiff=True)
+    far[id(made.coarse)] = 50.0
+    assert stiff._cheap_ones(rival, precise, fit)[0] is made.coarse
+
+
+@pytest.mark.parametrize("close", [True, False])
+def test_where_something_touches_a_form_must_fit_all_segments_as_the_engine_does(clean, monkeypatch, close) -> None:
+    made = dataclasses.replace(Numerics.of(clean.integrated("Euler", 0.001), 1), stiff=True)
+    shooting = truth_of(clean, made, "fine")
+    begin = shooting.fit([((), ())], clean.nominal.starts)[0]
+    monkeypatch.setattr(agreement, "is_close", lambda working, judged, exact: close and exact is not None)
+    working, judged = made._on_all(dataclasses.replace(shooting, engine=made.middle), made.fine, begin)
+    assert working.engine is (made.middle if close else made.fine)
+    assert (working.offset is not None) == close
+    assert judged.chi2 / working.dof == pytest.approx(1.0, abs=0.2)
+    assert working.cheap is made.coarse
+
+
+def test_of_much_data_that_takes_long_a_part_is_simulated(bench, monkeypatch) -> None:
+    made = Numerics.of(bench.integrated("Euler", 0.01), 1)
+    sets = [((bench.effect("viscous_friction"),), (np.array([0.05]),))]
+    given = bench.segments, bench.shooting.noise, bench.nominal, bench.nominal, sets
+    steps = made.coarse.steps_in(bench.segments)
+    monkeypatch.setattr(numerics, "_JUDGES", 1)
+    monkeypatch.setattr(numerics, "_AFFORDED", 0.8 * steps)
+    monkeypatch.setattr(numerics, "_PLENTY", bench.nominal.chi2)
+    assert made.choose(*given)[1].segments.size == bench.segments.size  # what is left tells too little
+    monkeypatch.setattr(numerics, "_PLENTY", 1.0)
+    _, shooting, nominal, judged = made.choose(*given)
+    assert 1 < shooting.segments.size < bench.segments.size
+    assert shooting.engine.steps_in(shooting.segments) <= steps
+    assert len(nominal.starts) == len(judged.starts) == shooting.segments.size
+    assert judged.values[0][0] == pytest.approx(bench.viscous, rel=0.05)
+    monkeypatch.setattr(numerics, "_JUDGES", bench.segments.size)
+    assert made.choose(*given)[1].segments.size == bench.segments.size
+
+
+def test_forms_are_compared_on_what_the_longest_of_them_can_afford(bench, monkeypatch) -> None:
+    made = Numerics.of(bench.integrated("Euler", 0.01), 1)
+    asked, shares, subset = [], [], Shooting.subset
+    monkeypatch.setattr(numerics, "_JUDGES", 1)
+    monkeypatch.setattr(numerics, "_affordable", lambda engine, segments: asked.append(engine) or 0.2)
+    monkeypatch.setattr(
+        Shooting, "subset", lambda self, share, *more: shares.append(share) or subset(self, share, *more)
+    )
+    made.choose(bench.segments, bench.shooting.noise, bench.nominal, bench.nominal)
+    assert (asked[0], shares[0]) == (made.fine, 0.2)
+    monkeypatch.undo()
+    steps = made.fine.steps_in(bench.segments)
+    monkeypatch.setattr(numerics, "_AFFORDED", 0.95 * steps)
+    assert numerics._affordable(made.fine, bench.segments) == max(0.95, 16 / bench.segments.size)
+    few = bench.segments.pick(np.zeros(40, dtype=np.int64))
+    monkeypatch.setattr(numerics, "_AFFORDED", 1.0)
+    assert numerics._affordable(made.fine, few) == max(16, 2 * len(few.runs)) / 40
+
+
+def test_a_form_that_was_found_on_the_same_part_is_not_fitted_again(bench, monkeypatch) -> None:
+    made = Numerics.of(bench.integrated("Euler", 0.01), 1)
+    sets = [((bench.effect("viscous_friction"),), (np.array([0.05]),))]
+    for name, value in (("_JUDGES", 6), ("_AFFORDED", 1.0), ("_PLENTY", 1.0)):
+        monkeypatch.setattr(numerics, name, value)
+    monkeypatch.setattr(Numerics, "_on_all", lambda *_: pytest.fail("fitted again"))
+    _, shooting, nominal, judged = made.choose(bench.segments, bench.shooting.noise, bench.nominal, bench.nominal, sets)
+    assert shooting.segments.size == len(nominal.starts) == len(judged.starts) == 6
+    assert judged.values[0][0] == pytest.approx(bench.viscous, rel=0.05)
+
+
+def test_discretisation_alone_tells_nothing(clean, monkeypatch) -> None:
+    """A fit of the nominal by a coarse form leaves much, and nothing is missing."""
+    made = Numerics.of(clean.integrated("Euler", 0.01), 1)
+    shooting = truth_of(clean, made, "fine", 0.1)
+    coarse = shooting.fit([((), ())], clean.nominal.starts)[0]
+    monkeypatch.setattr(numerics, "_JUDGES", 1)
+    monkeypatch.setattr(numerics, "_AFFORDED", 1.0)
+    monkeypatch.setattr(numerics, "_PLENTY", 0.5 * coarse.chi2)
+    assert coarse.chi2 > 10 * shooting.dof
+    _, working, _, judged = made.choose(shooting.segments, shooting.noise, coarse, coarse)
+    assert working.segments.size == shooting.segments.size
+    assert judged.chi2 / working.dof == pytest.approx(1.0, abs=0.2)
+
+
+@pytest.mark.parametrize("fair", [True, False])
+def test_where_something_touches_a_form_must_do_justice_to_the_nominal_too(clean, fair) -> None:
+    """A correction made behind a set may spoil the nominal, which the precise form fits as it is."""
+    made = Numerics.of(clean.integrated("Euler", 0.001), 1)
+    shooting = truth_of(clean, made, "fine")
+    precise = dataclasses.replace(shooting, engine=made.fine)
+    nominal = precise.fit([((), ())], clean.nominal.starts)[0]
+    judged = precise.fit([((clean.effect("viscous_friction"),), (np.array([0.001]),))], nominal.starts)[0]
+    working = dataclasses.replace(shooting, engine=made.middle).corrected(made.fine, judged)
+    bare = dataclasses.replace(nominal, chi2=(1.01 if fair else 1.1) * nominal.chi2)
+    chosen, other, again = numerics._just(working, precise, nominal, bare, judged)
+    assert (chosen is working and other is bare and again is judged) == fair
+    if not fair:
+        assert chosen is precise
+        assert other.chi2 == pytest.approx(nominal.chi2, abs=0.1)
+        assert again.chi2 == pytest.approx(judged.chi2, abs=0.1)
+
+
+def test_where_something_touches_only_forms_that_are_close_in_brief_pieces_are_fitted(clean, monkeypatch) -> None:
+    made = dataclasses.replace(Numerics.of(clean.integrated("Euler", 0.01), 1), stiff=True)
+    leaves = {id(form): 200.0 for form in made.all} | {id(made.own[1]): 100.0, id(made.fine): 109.0}
+    monkeypatch.setattr(numerics, "left_in_brief", lambda shooting, form, fit: leaves[id(form)])
+    shooting = truth_of(clean, made, "fine")
+    fit = shooting.fit([((), ())], clean.nominal.starts)[0]
+    found = made._rivals([made.given, made.fine], shooting, fit)
+    assert [(rival.engine, rival.left) for rival in found] == [(made.fine, 109.0), (made.own[1], 100.0)]

@@ -1,0 +1,81 @@
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from torch_activegp.diagnosis.selection import development as module
+from torch_activegp.diagnosis.selection.compared import Selection
+from torch_activegp.diagnosis.selection.development import be_fair, expand, simplify
+from torch_activegp.diagnosis.selection.heats import Heat
+from torch_activegp.diagnosis.selection.screening import screen
+from torch_activegp.diagnosis.shooting.likelihood import Shooting
+from torch_activegp.diagnosis.shooting.score import Score
+
+
+@pytest.mark.parametrize(("much", "best"), [(1.0, ()), (0.0, ("viscous_friction",))])
+def test_what_other_initial_states_alone_would_gain_is_no_effect(clean, monkeypatch, much, best) -> None:
+    """The nominal's fit ended short of its optimum by more than a name costs; what gains much is not asked about."""
+    monkeypatch.setattr(module, "_SOME", much)
+    short = clean.nominal.starts.copy()
+    short[3] += 0.002
+    nominal = clean.shooting.fit([((), ())], short, rounds=0)[0]
+    chosen = Selection(nominal, [nominal], Score(clean.shooting.samples, 5, 1.0))
+    chosen.add([clean.fit("viscous_friction", 0.001)])
+    assert chosen.best.effects
+    be_fair(chosen, clean.shooting)
+    assert tuple(effect.name for effect in chosen.best.effects) == best
+    assert chosen.nominal in chosen.fits
+    assert (chosen.nominal is nominal) is bool(best)
+    if not best:
+        assert chosen.nominal.chi2 == pytest.approx(clean.nominal.chi2, abs=1.0)
+
+
+def test_a_name_less_is_fitted_again_from_the_states_of_a_best_set_that_gains_little(bench) -> None:
+    """What a second name gains on an impact, other states may gain alone."""
+    one, other = bench.effect("viscous_friction"), bench.effect("quadratic_drag")
+    good = bench.fit("viscous_friction", bench.viscous)
+    stuck = good.starts.copy()
+    stuck[3] += 0.00078
+    short = bench.shooting.fit([((one,), good.values)], stuck, rounds=0, hold=True)[0]
+    both = bench.shooting.fit([((one, other), (*good.values, np.array([0.0])))], good.starts)[0]
+    chosen = Selection(bench.nominal, [bench.nominal, short, both], Score(bench.shooting.samples, 5, 1.0))
+    gain = short.chi2 - both.chi2
+    assert 14.0 < gain < 0.05 * bench.shooting.dof
+    assert chosen.best is both
+    be_fair(chosen, bench.shooting)
+    assert chosen.best.effects == (one,)
+    assert chosen.best.chi2 < both.chi2 + 5.0
+    assert chosen.of((other,)) is None  # what was not compared is not now
+    once = Selection(bench.nominal, [bench.nominal, short, both], Score(bench.shooting.samples, 5, 1.0), beside=both)
+    work = bench.shooting.work
+    be_fair(once, bench.shooting)
+    assert bench.shooting.work == work
+    assert once.best is both
+
+
+def test_gains_on_a_part_of_the_data_are_told_as_on_all_where_sets_are_proposed(bench, monkeypatch) -> None:
+    fit, told = bench.fit("constant_force", 0.01), []
+    part, which = bench.shooting.subset(0.5, fit.per_segment)
+    monkeypatch.setattr("torch_activegp.diagnosis.selection.development.seen_on", lambda *_: (part, fit.pick(which)))
+    monkeypatch.setattr(
+        "torch_activegp.diagnosis.selection.development._proposals", lambda *args: told.append(args[2]) or []
+    )
+    selection = Selection(bench.nominal, [bench.nominal, fit], Score(bench.shooting.samples, 60, 1.0))
+    wet = bench.effect("viscous_friction")
+    expand(selection, bench.shooting, [wet], fit)
+    (atom,) = screen(part, fit.pick(which), [wet]).best()
+    assert told[0].best()[0].gain == pytest.approx(atom.gain * bench.segments.size / part.segments.size)
+
+
+def test_sets_are_fitted_to_all_data_from_the_states_found_on_a_part(bench, monkeypatch) -> None:
+    fit, begun = bench.fit("constant_force", 0.01), []
+    starts = np.stack([fit.starts + 0.1 * i for i in range(2)])
+    some = [((bench.effect(name),), (np.array([0.02]),)) for name in ("viscous_friction", "quadratic_drag")]
+    monkeypatch.setattr("torch_activegp.diagnosis.selection.development.heat", lambda *_: Heat(some, starts))
+    monkeypatch.setattr(Shooting, "fit", lambda self, sets, begin, *_, **__: begun.append(begin) or [])
+    selection = Selection(bench.nominal, [bench.nominal, fit], Score(bench.shooting.samples, 60, 1.0))
+    expand(selection, bench.shooting, [bench.effect("viscous_friction")], fit)
+    simplify(selection, bench.shooting, bench.effects)
+    assert len(begun) == 3  # what is better, what is simpler, and other forms of parts
+    for begin in begun:
+        np.testing.assert_array_equal(begin, starts)

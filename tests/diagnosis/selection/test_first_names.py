@@ -1,0 +1,59 @@
+from __future__ import annotations
+
+import dataclasses
+
+import numpy as np
+import pytest
+
+from torch_activegp.diagnosis.noise.floor import noise_floor
+from torch_activegp.diagnosis.preparation.lengths import nominal_in_brief
+from torch_activegp.diagnosis.preparation.numerics import Numerics
+from torch_activegp.diagnosis.selection import explain as whole
+from torch_activegp.diagnosis.selection.explain import explain
+from torch_activegp.diagnosis.selection.first_names import in_brief_pieces
+
+
+def test_brief_pieces_have_no_lead_and_cover_everything_once(bench) -> None:
+    found = nominal_in_brief(bench.machine, Numerics.of(bench.machine, 1), noise_floor(bench.machine.fit))
+    assert found is not None
+    segments = found.segments
+    lengths = segments.dt[:, 0] * np.diff(segments.scored, axis=1)[:, 0]
+    assert lengths.max() < 0.13
+    np.testing.assert_array_equal(segments.scored[:, 0], segments.first)
+    assert segments.counts.sum() == sum(run.recorded.sum() for run in segments.runs)
+
+
+def test_rows_far_apart_make_no_brief_pieces(bench) -> None:
+    slow = [dataclasses.replace(run, time=4.0 * run.time) for run in bench.machine.fit]
+    machine = dataclasses.replace(bench.machine, fit=slow)
+    assert nominal_in_brief(machine, Numerics.of(machine, 1), noise_floor(bench.machine.fit)) is None
+
+
+@pytest.mark.parametrize(("most", "named"), [(1e9, True), (0.5, False)])
+def test_names_in_brief_pieces_that_leave_too_much_lead_nowhere(bench, monkeypatch, most, named) -> None:
+    """No noise leaves half of itself: what a machine remembers for longer than a piece is not on the list."""
+    for name, value in (("_ENOUGH", 1.0), ("FEWEST", 1.0), ("_LEADS", most)):
+        monkeypatch.setattr(f"torch_activegp.diagnosis.selection.first_names.{name}", value)
+    noise = noise_floor(bench.machine.fit)
+    effects = [bench.effect("viscous_friction")]
+    found = in_brief_pieces(bench.machine, Numerics.of(bench.machine, 1), noise, effects, lambda _: None)
+    assert found is not None
+    assert bool(found.sets) == named
+
+
+@pytest.mark.parametrize("far", [True, False])
+def test_names_from_brief_pieces_lead_on_where_the_nominal_is_far_off(bench, monkeypatch, far) -> None:
+    """They need not be the right ones: here the mismatch is too small for so brief a look."""
+    monkeypatch.setattr(whole, "_TOO_FAR", 1.0 if far else 1e9)
+    for name in ("_ENOUGH", "FEWEST"):
+        monkeypatch.setattr(f"torch_activegp.diagnosis.selection.first_names.{name}", 1.0)
+    seen = []
+    monkeypatch.setattr(whole, "in_brief_pieces", lambda *a: seen.append(in_brief_pieces(*a)) or seen[-1])
+    stages: list[str] = []
+    names = ("viscous_friction", "cubic_spring", "coulomb_friction")
+    found = explain(bench.machine, [e for e in bench.effects if e.name in names], 1, stages.append)
+    assert found.selection.best.keys == {("viscous_friction", "joint:hip")}
+    assert ("naming in brief pieces" in stages) == far
+    assert bool(seen) == far
+    if far:
+        assert seen[0].sets

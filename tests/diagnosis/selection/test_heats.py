@@ -1,0 +1,85 @@
+from __future__ import annotations
+
+import dataclasses
+
+import numpy as np
+import pytest
+
+from torch_activegp.diagnosis.selection.heats import heat, near, seen_on
+from torch_activegp.diagnosis.shooting.score import Score
+
+WET, LOAD = "viscous_friction", "constant_force"
+
+
+@pytest.fixture
+def sets(bench) -> list:
+    return [((bench.effect(name),), (np.array([0.01]),)) for name in (WET, LOAD)]
+
+
+def names(sets: list) -> list[str]:
+    return [effects[0].name for effects, _ in sets]
+
+
+@pytest.mark.parametrize(("mismatch", "passed"), [(1e5, [WET]), (10.0, [WET, LOAD])])
+def test_what_gains_too_little_on_a_part_is_not_fitted_to_all(bench, sets, mismatch, passed) -> None:
+    """But only where so much is missing that a part of the data shows it."""
+    score = Score(bench.shooting.samples, 20, 1.0, mismatch=mismatch)
+    found, starts = heat(bench.shooting, sets, bench.nominal, score)
+    assert names(found) == passed
+    moved = [abs(float(values[0][0]) - 0.01) > 1e-6 for _, values in found]
+    assert moved == [mismatch > 100.0] * len(found)
+    changed = (starts != bench.nominal.starts).any(axis=-1).mean(axis=-1)
+    assert ((0.0 < changed) & (changed < 1.0) if mismatch > 100.0 else changed == 0.0).all()
+    assert len(starts) == len(found)
+
+
+def test_what_costs_no_more_than_the_fit_passes(bench, sets) -> None:
+    score = Score(bench.shooting.samples, 20, 1.0, mismatch=2e4)
+    load = bench.fit(LOAD, 0.01)
+    assert names(heat(bench.shooting, sets, load, score).sets) == [WET, LOAD]
+
+
+def test_nearness_is_judged_by_the_part(bench, sets) -> None:
+    part, which = bench.shooting.subset(0.5, bench.nominal.per_segment)
+    for bars, passed in (([-20.0, -20.0], [WET]), ([20.0, 20.0], [WET, LOAD]), ([-1e9, 20.0], [LOAD])):
+        assert names(near(part, which, sets, bench.nominal, bars).sets) == passed
+
+
+def test_of_many_only_the_first_and_what_is_close_to_the_best_pass(bench) -> None:
+    """By what they must gain: one that costs less may leave more."""
+    part, which = bench.shooting.subset(0.5, bench.nominal.per_segment)
+    names_ = (WET, LOAD, "cubic_spring", "linear_spring", "quadratic_drag")
+    many = [((bench.effect(name),), (np.array([0.01]),)) for name in names_]
+    chi2 = {name: fit.chi2 for name, fit in zip(names_, part.fit(many, bench.nominal.starts[which]), strict=True)}
+    first, *_, last = sorted(chi2, key=chi2.__getitem__)
+    found = names(near(part, which, many, bench.nominal, [1e3] * 5).sets)
+    assert first in found
+    assert len(found) == 3
+    bars = [1e5 if name == last else 1e3 for name in names_]
+    found = names(near(part, which, many, bench.nominal, bars).sets)
+    assert {first, last} < set(found)
+    assert len(found) == 3
+
+
+def test_what_passes_begins_from_the_states_found_on_the_part(bench, sets) -> None:
+    part, which = bench.shooting.subset(0.5, bench.nominal.per_segment)
+    found, starts = near(part, which, sets, bench.nominal, [20.0, 20.0])
+    others = np.setdiff1d(np.arange(bench.segments.size), which)
+    for (effects, values), states in zip(found, starts, strict=True):
+        np.testing.assert_array_equal(states[others], bench.nominal.starts[others])
+        there = part.fit([(effects, values)], states[which], rounds=0)[0]
+        before = part.fit([(effects, values)], bench.nominal.starts[which], rounds=0)[0]
+        assert there.chi2 < before.chi2
+
+
+def test_what_is_worth_much_is_looked_for_on_a_part_with_the_worst_segments(bench) -> None:
+    score = Score(bench.shooting.samples, 20, 1.0)
+    assert seen_on(bench.shooting, bench.nominal, score) == (bench.shooting, bench.nominal)
+    dear = dataclasses.replace(score, mismatch=1e6)
+    assert seen_on(bench.shooting, bench.nominal, dear)[0] is bench.shooting
+    fit = bench.fit("viscous_friction", 0.05)
+    part, here = seen_on(bench.shooting, fit, dear)
+    assert part.segments.size == len(here.per_segment) < bench.segments.size
+    assert here.per_segment.max() == fit.per_segment.max()
+    tuned = dataclasses.replace(dear, free=frozenset({("viscous_friction", "joint:hip")}))
+    assert seen_on(bench.shooting, fit, tuned)[0] is bench.shooting

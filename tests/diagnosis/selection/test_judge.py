@@ -1,0 +1,287 @@
+from __future__ import annotations
+
+import dataclasses
+
+import numpy as np
+import pytest
+
+from torch_activegp.diagnosis.noise.model import NoiseModel
+from torch_activegp.diagnosis.selection.compared import Selection
+from torch_activegp.diagnosis.selection.judge import SEEN, _may_be_coloured, judge, omnibus
+from torch_activegp.diagnosis.shooting.score import Score
+
+
+def selection(bench, *fits, names: int = 20) -> Selection:
+    return Selection(bench.nominal, [bench.nominal, *fits], Score(bench.shooting.samples, names, 1.0))
+
+
+def test_a_free_force_explains_what_is_missing_and_no_noise(bench, clean) -> None:
+    missing, noise = omnibus(bench.shooting, bench.nominal), omnibus(clean.shooting, clean.nominal)
+    assert missing.p_value < 1e-12
+    assert missing.excess == pytest.approx(bench.nominal.chi2 - bench.shooting.dof, rel=0.15)
+    assert noise.p_value > 0.001
+    assert noise.excess < 40
+    fitted = omnibus(bench.shooting, bench.fit("viscous_friction", 0.05))
+    assert fitted.p_value > 0.001
+
+
+def test_noise_alone_is_none(clean) -> None:
+    judged = judge(clean.shooting, selection(clean))
+    assert (judged.verdict, judged.named, judged.unexplained, judged.white) == ("none", (), 0.0, True)
+
+
+def test_a_mismatch_that_no_set_explains_is_unknown(bench) -> None:
+    judged = judge(bench.shooting, selection(bench))
+    assert (judged.verdict, judged.named, judged.unexplained) == ("unknown", (), 1.0)
+    assert judged.p_value < 1e-12
+
+
+def test_a_set_that_leaves_much_is_unknown(bench) -> None:
+    judged = judge(bench.shooting, selection(bench, bench.fit("constant_force", 0.01)))
+    assert judged.verdict == "unknown"
+    assert judged.unexplained > 0.5
+    assert not judged.white
+
+
+def test_the_effect_that_explains_all_is_named(bench) -> None:
+    fit = bench.fit("viscous_friction", 0.05)
+    judged = judge(bench.shooting, selection(bench, fit, bench.fit("quadratic_drag", 0.02)))
+    assert (judged.verdict, judged.named, judged.ties, judged.retuned) == ("named", fit.effects, ((),), ())
+    assert judged.shares[0] == pytest.approx(1.0, abs=0.03)
+    assert judged.probabilities[0] > 0.99
+    assert judged.p_value < 1e-12
+    assert sum(weight for _, _, weight in judged.rivals) == pytest.approx(1.0)
+    distances = [distance for _, distance, _ in judged.rivals]
+    assert distances == sorted(distances) and distances[0] == 0.0
+
+
+def test_sets_that_score_alike_are_a_tie(bench) -> None:
+    fit = bench.fit("viscous_friction", 0.05)
+    twin = dataclasses.replace(fit, effects=(bench.effect("quadratic_drag"),), chi2=fit.chi2 + 3.0)
+    judged = judge(bench.shooting, selection(bench, fit, twin))
+    assert (judged.verdict, judged.ties) == ("tie", ((("quadratic_drag", "joint:hip"),),))
+    assert judged.probabilities[0] == pytest.approx(1 / (1 + np.exp(-1.5)), abs=0.02)
+    far = dataclasses.replace(twin, chi2=fit.chi2 + 9.0)
+    assert judge(bench.shooting, selection(bench, fit, far)).verdict == "named"
+
+
+def test_shares_go_by_what_each_adds_and_next_to_nothing_is_not_named(bench, monkeypatch) -> None:
+    effects = (bench.effect("constant_force"), bench.effect("viscous_friction"))
+    both = bench.shooting.fit([(effects, (np.array([0.0]), np.array([0.05])))], bench.nominal.starts)[0]
+    judged = judge(bench.shooting, selection(bench, both))
+    assert [effect.name for effect in judged.named] == ["viscous_friction"]
+    assert [effect.name for effect in judged.retuned] == ["constant_force"]
+    assert judged.fit.effects == effects
+    monkeypatch.setattr("torch_activegp.diagnosis.selection.judge.LEAST_SHARE", 0.0)
+    monkeypatch.setattr("torch_activegp.diagnosis.selection.judge.is_certain", lambda *_, alone=False: alone)
+    assert judge(bench.shooting, selection(bench, both)).named == judged.named  # one of the two is sure to be there
+    monkeypatch.setattr("torch_activegp.diagnosis.selection.judge.is_certain", lambda *_, **__: False)
+    assert judge(bench.shooting, selection(bench, both)).named == ()
+    monkeypatch.setattr("torch_activegp.diagnosis.selection.judge.is_certain", lambda *_, **__: True)
+    judged = judge(bench.shooting, selection(bench, both))
+    assert [effect.name for effect in judged.named] == ["viscous_friction", "constant_force"]
+    assert judged.shares[0] > 0.95 > 0.05 > judged.shares[1] >= 0.0
+
+
+def test_as_many_names_as_are_tried_must_explain_nearly_all(bench, monkeypatch) -> None:
+    effect = bench.effect("viscous_friction")
+    half = bench.shooting.fit([((effect,), (np.array([0.045]),))], bench.nominal.starts, hold=True)[0]
+    judged = judge(bench.shooting, selection(bench, half))
+    assert judged.verdict == "named"
+    assert 0.04 < judged.unexplained < 0.15
+    for most, left in ((1, 0.04), (0, 1.0)):
+        monkeypatch.setattr("torch_activegp.diagnosis.selection.judge.MAX_EFFECTS", most)
+        monkeypatch.setattr("torch_activegp.diagnosis.selection.judge.CROWDED", left)
+        assert judge(bench.shooting, selection(bench, half)).verdict == "unknown"
+    monkeypatch.setattr("torch_activegp.diagnosis.selection.judge.OVERCROWDED", 0.15)
+    assert judge(bench.shooting, selection(bench, half)).verdict == "named"
+
+
+@pytest.mark.parametrize(("damping", "verdict"), [(0.045, "unknown"), (0.03, "none")])
+def test_many_names_that_explain_little_of_a_small_mismatch_are_nothing(bench, monkeypatch, damping, verdict) -> None:
+    effect = bench.effect("viscous_friction")
+    some = bench.shooting.fit([((effect,), (np.array([damping]),))], bench.nominal.starts, hold=True)[0]
+    monkeypatch.setattr("torch_activegp.diagnosis.selection.judge.MAX_EFFECTS", 1)
+    monkeypatch.setattr("torch_activegp.diagnosis.selection.judge.VISIBLE", 1e3)
+    judged = judge(bench.shooting, selection(bench, some))
+    assert judged.verdict == verdict
+    assert (
+        (0.0 < judged.unexplained < 0.15) if verdict == "unknown" else (judged.unexplained, judged.white) == (0.0, True)
+    )
+
+
+@pytest.mark.parametrize(("visible", "verdict"), [(1e-3, "unknown"), (1e3, "named")])
+def test_less_may_be_left_where_it_is_large_against_the_noise(bench, monkeypatch, visible, verdict) -> None:
+    effect = bench.effect("viscous_friction")
+    most = bench.shooting.fit([((effect,), (np.array([0.045]),))], bench.nominal.starts, hold=True)[0]
+    assert 0.053 < SEEN < 0.065  # the most that right names left, and the least that wrong ones did
+    monkeypatch.setattr("torch_activegp.diagnosis.selection.judge.SEEN", 0.04)
+    chosen = selection(bench, most)
+    before = omnibus(bench.shooting, chosen.nominal)
+    after = omnibus(bench.shooting, most)
+    assert after.excess < before.excess
+    monkeypatch.setattr("torch_activegp.diagnosis.selection.judge.VISIBLE", visible * after.excess / bench.shooting.dof)
+    judged = judge(bench.shooting, chosen)
+    assert 0.04 < judged.unexplained < 0.15
+    assert judged.verdict == verdict
+
+
+@pytest.mark.parametrize(("many", "verdict"), [(1, "unknown"), (2, "named")])
+def test_less_may_be_left_behind_many_names(bench, monkeypatch, many: int, verdict: str) -> None:
+    effect = bench.effect("viscous_friction")
+    most = bench.shooting.fit([((effect,), (np.array([0.045]),))], bench.nominal.starts, hold=True)[0]
+    monkeypatch.setattr("torch_activegp.diagnosis.selection.judge.MANY", many)
+    monkeypatch.setattr("torch_activegp.diagnosis.selection.judge.SEEN", 0.15)
+    monkeypatch.setattr("torch_activegp.diagnosis.selection.judge.VISIBLE", 1e-3)
+    judged = judge(bench.shooting, selection(bench, most))
+    assert 0.04 < judged.unexplained < 0.15
+    assert judged.verdict == verdict
+
+
+@pytest.mark.parametrize(("cut_short", "verdict"), [(True, "unknown"), (False, "named")])
+def test_less_may_be_left_by_a_search_that_was_cut_short(bench, monkeypatch, cut_short, verdict) -> None:
+    """Also where what is left would not be seen otherwise."""
+    effect = bench.effect("viscous_friction")
+    most = bench.shooting.fit([((effect,), (np.array([0.045]),))], bench.nominal.starts, hold=True)[0]
+    monkeypatch.setattr("torch_activegp.diagnosis.selection.judge.SEEN", 0.15)
+    chosen = dataclasses.replace(selection(bench, most), cut_short=cut_short)
+    judged = judge(bench.shooting, chosen)
+    assert 0.04 < judged.unexplained < 0.15
+    assert judged.verdict == verdict
+
+
+def test_much_of_the_rest_is_named_however_little_of_the_whole(bench, monkeypatch) -> None:
+    monkeypatch.setattr(
+        "torch_activegp.diagnosis.selection.judge.is_certain", lambda *_, **__: True
+    )  # the second is all made up
+    effects = (bench.effect("constant_force"), bench.effect("viscous_friction"))
+    both = bench.shooting.fit([(effects, (np.array([0.0]), np.array([0.05])))], bench.nominal.starts)[0]
+    nominal = dataclasses.replace(bench.nominal, chi2=1e9)
+    one = dataclasses.replace(bench.fit("viscous_friction", 0.05), chi2=4.0 * both.chi2)
+    other = dataclasses.replace(bench.fit("constant_force", 0.01), chi2=5.0 * both.chi2)
+    names = {}
+    for scale in (1.0, 5.0):
+        score = Score(bench.shooting.samples, 20, scale, 1e9 if scale > 1 else 1e3)
+        chosen = Selection(nominal, [nominal, both, one, other], score)
+        names[scale] = [effect.name for effect in judge(bench.shooting, chosen).named]
+    assert names == {1.0: ["viscous_friction"], 5.0: ["viscous_friction", "constant_force"]}
+
+
+def test_a_friction_behind_a_tuning_may_be_one_of_two_levels(bench, monkeypatch) -> None:
+    dry, wet = bench.effect("coulomb_friction"), bench.effect("viscous_friction")
+    (both,) = bench.shooting.fit([((dry, wet), (np.array([0.005]), np.array([0.05])))], bench.nominal.starts)
+    two_sided = bench.fit("asymmetric_friction", 0.02, 0.02)
+    for tuned in ((wet,), ()):
+        monkeypatch.setattr("torch_activegp.diagnosis.selection.judge._split", lambda *_, tuned=tuned: ([dry], tuned))
+        monkeypatch.setattr("torch_activegp.diagnosis.selection.judge.is_certain", lambda *_, **__: True)
+        chosen = selection(bench, dataclasses.replace(both, chi2=0.9 * both.chi2), two_sided)
+        assert chosen.best.effects == both.effects
+        judged = judge(bench.shooting, chosen)
+        assert judged.named == (dry,)
+        assert (two_sided.effects[0].key in judged.ties[0]) is bool(tuned)
+
+
+@pytest.mark.parametrize(("part", "verdict"), [(0.9, "unknown"), (1.1, "named")])
+def test_as_many_names_as_are_tried_may_leave_a_little_noise(bench, monkeypatch, part, verdict) -> None:
+    monkeypatch.setattr("torch_activegp.diagnosis.selection.judge.MAX_EFFECTS", 1)
+    some = (bench.effect("viscous_friction"),), (np.array([0.045]),)
+    (close,) = bench.shooting.fit([some], bench.nominal.starts, hold=True)
+    left = omnibus(bench.shooting, close).excess / bench.shooting.dof
+    monkeypatch.setattr("torch_activegp.diagnosis.selection.judge.SOME_NOISE", part * left)
+    judged = judge(bench.shooting, selection(bench, close))
+    assert 0.04 < judged.unexplained < 0.15
+    assert judged.verdict == verdict
+
+
+@pytest.mark.parametrize(("names", "verdict"), [(2, "unknown"), (3, "named")])
+def test_what_may_be_nothing_is_not_named_and_counts_among_those_that_leave_too_much(
+    bench, monkeypatch, names, verdict
+) -> None:
+    effects = (bench.effect("viscous_friction"), bench.effect("constant_force"))
+    some = bench.shooting.fit([(effects, (np.array([0.045]), np.array([0.0])))], bench.nominal.starts, hold=True)[0]
+    monkeypatch.setattr("torch_activegp.diagnosis.selection.judge.LEAST_SHARE", -1.0)
+    monkeypatch.setattr("torch_activegp.diagnosis.selection.judge.MAX_EFFECTS", names)
+    monkeypatch.setattr(
+        "torch_activegp.diagnosis.selection.judge.is_certain", lambda *args, **_: effects[0] in args[-1]
+    )
+    judged = judge(bench.shooting, selection(bench, some))
+    assert (judged.named, judged.retuned) == (effects[:1], effects[1:])
+    assert 0.04 < judged.unexplained < 0.15
+    assert judged.verdict == verdict
+
+
+@pytest.mark.parametrize(("visible", "verdict"), [(1e-3, "unknown"), (1e9, "none")])
+def test_the_only_name_is_none_where_it_may_be_nothing(bench, monkeypatch, visible, verdict) -> None:
+    """A lift that sticks, as its model: an armature gained 260 in chi2 by initial states, and may be zero."""
+    wet = bench.fit("viscous_friction", 0.05)
+    assert judge(bench.shooting, selection(bench, wet)).named == wet.effects
+    monkeypatch.setattr("torch_activegp.diagnosis.selection.judge.is_certain", lambda *_, alone=False: not alone)
+    monkeypatch.setattr("torch_activegp.diagnosis.selection.judge.VISIBLE", visible)
+    judged = judge(bench.shooting, selection(bench, wet))
+    assert (judged.verdict, judged.named, judged.retuned, judged.fit) == (verdict, (), (), bench.nominal)
+    assert judged.unexplained == float(verdict == "unknown")
+
+
+@pytest.mark.parametrize(("least", "verdict"), [(1e-3, "unknown"), (1e9, "none")])
+def test_more_must_be_left_without_a_name_where_a_filter_of_the_noise_cannot_be_seen(
+    bench, monkeypatch, least, verdict
+) -> None:
+    segments = dataclasses.replace(bench.segments, dt=2.0 * bench.segments.dt)
+    shooting = dataclasses.replace(bench.shooting, segments=segments)
+    monkeypatch.setattr("torch_activegp.diagnosis.selection.judge.VISIBLE_UNSEEN", least)
+    monkeypatch.setattr("torch_activegp.diagnosis.selection.judge.VISIBLE", 1e-4)
+    alone = Selection(bench.nominal, [bench.nominal], Score(shooting.samples, 20, 1.0))
+    assert judge(shooting, alone).verdict == verdict
+
+
+@pytest.mark.parametrize(
+    ("coloured", "bar", "verdict"), [(True, 100.0, "named"), (False, 100.0, "none"), (True, 1e6, "none")]
+)
+def test_names_that_gain_much_are_kept_before_noise_that_may_be_coloured(
+    bench, monkeypatch, coloured: bool, bar: float, verdict: str
+) -> None:
+    from torch_activegp.diagnosis.selection import judge as module
+
+    monkeypatch.setattr(module, "_visible", lambda shooting, left: False)
+    monkeypatch.setattr(module, "_may_be_coloured", lambda shooting: coloured)
+    monkeypatch.setattr(module, "BEHIND_COLOUR", bar)
+    wet = bench.fit("viscous_friction", 0.05)
+    part = dataclasses.replace(wet, chi2=wet.chi2 + 0.4 * (bench.nominal.chi2 - wet.chi2))
+    left = dataclasses.replace(omnibus(bench.shooting, bench.nominal), excess=part.chi2 - wet.chi2)
+    monkeypatch.setattr(module, "omnibus", lambda shooting, fit: left)
+    judged = judge(bench.shooting, selection(bench, part))
+    assert (judged.verdict, judged.unexplained) == (verdict, pytest.approx(0.4 * (verdict == "named"), abs=0.01))
+    monkeypatch.setattr(
+        module, "_split", lambda shooting, chosen, rivals: (part.effects, (bench.effect("linear_spring"),))
+    )
+    assert judge(bench.shooting, selection(bench, part)).verdict == "none"
+
+
+def test_noise_may_be_coloured_where_it_is_seen_or_could_not_be_but_a_video_is_judged_as_one(bench) -> None:
+    shooting, segments = bench.shooting, bench.shooting.segments
+    assert not _may_be_coloured(shooting)
+    slow = dataclasses.replace(segments, dt=np.full_like(segments.dt, 0.02))
+    assert _may_be_coloured(dataclasses.replace(shooting, segments=slow))
+    videos = tuple(dataclasses.replace(run, video=True) for run in segments.runs)
+    assert not _may_be_coloured(dataclasses.replace(shooting, segments=dataclasses.replace(slow, runs=videos)))
+    coloured = dataclasses.replace(shooting.noise, colour=np.ones_like(shooting.noise.colour))
+    assert _may_be_coloured(dataclasses.replace(shooting, noise=coloured))
+
+
+def test_a_slight_colour_of_the_noise_makes_no_set_inadequate(bench, monkeypatch) -> None:
+    """Half of what is missing was explained, and what is left is correlated: physics, or a filtered encoder's noise."""
+    fit = bench.fit("quadratic_drag", 0.02)
+    found = selection(bench, fit)
+    plain = judge(bench.shooting, found)
+    assert plain.verdict == "unknown"
+    seen = []
+
+    def louder(shooting, best):
+        seen.append(best)
+        return NoiseModel(100.0 * shooting.noise.scale, shooting.noise.colour)
+
+    monkeypatch.setattr("torch_activegp.diagnosis.selection.judge.recoloured", louder)
+    judged = judge(bench.shooting, found)
+    assert seen == [found.best]
+    assert judged.verdict == "named"
+    assert judged.unexplained < plain.unexplained

@@ -1,0 +1,82 @@
+from __future__ import annotations
+
+import dataclasses
+
+import numpy as np
+import pytest
+
+from torch_activegp.diagnosis.selection.compared import Selection
+from torch_activegp.diagnosis.selection.polish import _near, polish, shared
+from torch_activegp.diagnosis.shooting.score import Score
+
+
+def test_a_rival_also_begins_from_the_parameters_of_the_best_where_these_are_others(bench) -> None:
+    friction, push = bench.effect("viscous_friction"), bench.effect("constant_force")
+    best = bench.fit("viscous_friction", 0.06)
+    start = ((friction, push), (np.array([0.05]), np.array([0.0])))
+    (rival,) = bench.shooting.fit([start], best.starts)
+    assert shared(rival, best) is None
+    error = rival.information[0, 0] ** -0.5
+    for sigmas, other in ((1.0, False), (5.0, True)):
+        moved = dataclasses.replace(best, values=(rival.values[0] + sigmas * error,))
+        found = shared(rival, moved)
+        assert (found is not None) == other
+    assert found == ((friction, push), (moved.values[0], rival.values[1]))
+
+
+def test_a_rival_that_contains_a_law_of_the_best_also_begins_as_that(bench) -> None:
+    """So that it never ends worse than what it contains; its shape stays."""
+    level = bench.fit("coulomb_friction", 0.05)
+    stribeck = bench.effect("stribeck_friction")
+    much = {"values": (np.array([0.2, 0.4, 0.3]),), "information": 1e6 * np.eye(3)}
+    found = shared(dataclasses.replace(level, effects=(stribeck,), **much), level)
+    assert found is not None
+    np.testing.assert_array_equal(found[1][0], [level.values[0][0], 0.0, 0.3])
+
+
+def test_what_comes_on_top_of_the_best_set_is_not_fitted_again_for_what_it_may_be_short_of(bench) -> None:
+    wet, (drag, push) = bench.fit("viscous_friction", 0.05), map(bench.effect, ("quadratic_drag", "constant_force"))
+    held = {"values": (*wet.values, np.zeros(1)), "chi2": wet.chi2 + 50.0}
+    more = dataclasses.replace(wet, effects=(*wet.effects, push), **held)
+    other = dataclasses.replace(wet, effects=(drag, push), **held)
+    found = Selection(bench.nominal, [bench.nominal, wet, more, other], Score(bench.shooting.samples, 5, 1.0))
+    assert _near(found, wet, 0.0, 0.0) == []
+    assert _near(found, wet, 0.0, 100.0) == [other]
+    assert _near(found, wet, 100.0, 0.0) == [other, more]
+
+
+@pytest.mark.parametrize(("cut_short", "lost"), [(False, True), (True, True), (True, False)])
+def test_the_best_set_and_its_rivals_end_at_their_optimum(bench, monkeypatch, cut_short, lost) -> None:
+    """Not its rivals where the search was cut short and much is left: nothing explains what is missing then."""
+    monkeypatch.setattr("torch_activegp.diagnosis.selection.polish.NOISE_ALONE", 0.5 if lost else 1.1)
+    friction, push = bench.effect("viscous_friction"), bench.effect("constant_force")
+    optimum = bench.fit("viscous_friction", 0.05)
+    starts = optimum.starts.copy()
+    starts[2] += 0.002
+    short = bench.shooting.fit([((friction,), (np.array([0.05]),))], starts, rounds=0)[0]
+    values = (np.array([0.05]), np.array([0.0]))
+    rival = bench.shooting.fit([((friction, push), values)], starts, rounds=0)[0]
+    score = Score(bench.shooting.samples, 5, 1.0)
+    chosen = Selection(bench.nominal, [bench.nominal, short, rival], score, cut_short)
+    assert short.chi2 > optimum.chi2 + 20.0
+    polish(bench.shooting, chosen, [friction, push])
+    assert chosen.best.effects == (friction,)
+    assert abs(chosen.best.chi2 - optimum.chi2) < 0.5
+    again = chosen.of((friction, push))
+    assert again is not None
+    assert bool(again.chi2 <= chosen.best.chi2 + 0.5) is not (cut_short and lost)
+
+
+@pytest.mark.parametrize("free", [True, False])
+def test_one_name_is_fitted_in_place_of_two_of_which_one_seemed_to_undo_a_tuning(bench, free: bool) -> None:
+    """Else the search itself has compared them."""
+    dry, push = bench.effect("coulomb_friction"), bench.effect("constant_force")
+    (both,) = bench.shooting.fit([((dry, push), (np.array([0.02]), np.array([0.005])))], bench.nominal.starts)
+    score = Score(bench.shooting.samples, 60, 1.0, free=frozenset({push.key} if free else ()))
+    chosen = Selection(bench.nominal, [bench.nominal, both], score)
+    assert chosen.best is both
+    polish(bench.shooting, chosen, bench.effects)
+    two_sided = [fit for fit in chosen.fits if fit.keys == {("asymmetric_friction", "joint:hip")}]
+    assert bool(two_sided) is free
+    if free:
+        assert two_sided[0].chi2 < 1.01 * both.chi2

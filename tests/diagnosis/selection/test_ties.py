@@ -1,0 +1,60 @@
+from __future__ import annotations
+
+import dataclasses
+
+import numpy as np
+
+from torch_activegp.diagnosis.selection.ties import as_one, as_two, ties_of
+
+
+def test_a_friction_of_two_levels_may_be_one_level_and_a_push(bench) -> None:
+    rich = next(e for e in bench.effects if e.name == "asymmetric_friction" and "coulomb_friction" in e.covers)
+    dry, push, wet = (bench.effect(name) for name in ("coulomb_friction", "constant_force", "viscous_friction"))
+    levels = (np.array([0.004, 0.006]), np.array([0.05]))
+    one = bench.shooting.fit([((rich, wet), levels)], bench.nominal.starts)[0]
+    two = dataclasses.replace(
+        one, effects=(dry, push, wet), values=(np.array([0.005]), np.array([0.001]), one.values[1])
+    )
+    both = {dry.key, push.key}
+    for chi2, names in ((one.chi2, both), (0.99 * one.chi2, both), (1.01 * one.chi2, set())):
+        rivals = [(one, 0.0, 1.0), (dataclasses.replace(two, chi2=chi2), 20.0, 0.0)]
+        assert set(as_two(rivals, one, rich)) == names
+        assert as_two(rivals, one, wet) == ()
+
+
+def test_one_level_and_a_tuned_push_may_be_a_friction_of_two_levels(bench) -> None:
+    rich = next(e for e in bench.effects if e.name == "asymmetric_friction" and "coulomb_friction" in e.covers)
+    dry, bias, wet = (
+        bench.effect(*key)
+        for key in (("coulomb_friction",), ("actuator_bias", "actuator:drive"), ("viscous_friction",))
+    )
+
+    def said(push=0.002, chi2=1.0, beside: tuple = (wet,), tuned=(wet, bias), also: tuple = (), law=rich) -> tuple:
+        two = bench.nominal
+        two = dataclasses.replace(
+            two, effects=(dry, bias, wet), values=(np.array([0.005]), np.array([push]), np.array([0.05]))
+        )
+        values = (np.array([0.003, 0.007]), *(np.array([0.05]) for _ in beside))
+        values = values if law is rich else (np.array([0.05]),) * (1 + len(beside))
+        one = dataclasses.replace(two, effects=(law, *beside), values=values, chi2=chi2 * two.chi2)
+        return as_one([(two, 0.0, 1.0), (one, 20.0, 0.0)], two, dry, tuned, also)
+
+    assert said() == (rich.key,)
+    assert said(beside=()) == (rich.key,)
+    assert said(push=0.0005) == ()  # hardly a difference between the directions
+    assert said(chi2=1.01) == ()
+    assert said(beside=(bench.effect("quadratic_drag"),)) == ()
+    assert said(tuned=(wet,)) == ()
+    assert said(push=0.0005, also=(wet,)) == (rich.key,)  # the nominal's own bias may hold the push
+    assert said(push=0.0005, also=(wet,), law=wet) == ()
+    assert said(push=0.0005, also=(bias,)) == (rich.key,)
+    assert said(push=0.0005, also=(dataclasses.replace(wet, target="joint:knee"),)) == ()
+
+
+def test_all_that_stands_for_a_name_is_listed_once(bench) -> None:
+    dry, two_sided = bench.fit("coulomb_friction", 0.05), bench.fit("asymmetric_friction", 0.02, 0.02)
+    rivals = [(dry, 0.0, 0.6), (two_sided, 2.0, 0.4), (bench.nominal, 50.0, 0.0)]
+    wet = dataclasses.replace(bench.effect("viscous_friction"))
+    assert ties_of(rivals, dry, dry.effects[0], (wet,), (wet,)) == (two_sided.effects[0].key,)
+    far = [(dry, 0.0, 1.0), (two_sided, 7.0, 0.0)]
+    assert ties_of(far, dry, dry.effects[0], (), ()) == ()

@@ -1,0 +1,113 @@
+from __future__ import annotations
+
+import dataclasses
+
+import numpy as np
+import pytest
+
+from torch_activegp.diagnosis.selection.screening import Atom, Screen
+from torch_activegp.diagnosis.selection.tuning import at_an_optimum, beside, only_undoes, paying, undone
+
+NAMES = ("cubic_spring", "quadratic_drag", "viscous_friction", "armature_error")
+PRICE = 9.0
+
+
+@pytest.fixture
+def screened(bench) -> Screen:
+    """A spring is missing; damping and rotor were tuned to make up for it, so that both gain nothing alone."""
+    rng = np.random.default_rng(0)
+    columns = rng.normal(size=(400, 4))
+    columns[:, 0] = columns[:, 2] - 0.8 * columns[:, 3] + 0.3 * columns[:, 0]
+    hidden = columns[:, 0] * 4.0
+    tuned = columns[:, 2:]
+    residual = hidden - tuned @ np.linalg.lstsq(tuned, hidden, rcond=None)[0]
+    normal, gradient = columns.T @ columns, columns.T @ residual
+    atoms = []
+    for i, name in enumerate(NAMES):
+        seed = np.array([1.0])
+        gain = float(gradient[i] ** 2 / normal[i, i])
+        atoms.append(Atom(bench.effect(name), seed, gain, slice(i, i + 1), seed))
+    return Screen(tuple(atoms), normal, gradient)
+
+
+def test_what_hides_behind_a_tuning_shows_beside_it(screened) -> None:
+    hidden, _, *tunable = screened.atoms
+    assert max(atom.gain for atom in tunable) < 1e-6
+    atoms, *rest = beside(screened, PRICE, 0.0, 0.0)
+    assert {atom.effect for atom in atoms} == {hidden.effect, *(atom.effect for atom in tunable)}
+    worth = screened.joint_gain(atoms) - 2 * PRICE
+    assert worth > 2 * hidden.gain
+    np.testing.assert_allclose(atoms[0].values, 4.0, rtol=1e-6)
+    assert rest == []  # nothing that is tuned pays beside the other one
+    assert beside(screened, PRICE, 0.9 * worth, 1.05 * worth)
+    assert beside(screened, PRICE, worth, 0.0) == []
+    assert beside(screened, PRICE, 0.0, 1.2 * worth) == []
+
+
+def test_what_gains_as_much_alone_hides_nothing(screened) -> None:
+    """The same, but damping and rotor are off by themselves."""
+    gradient = screened.gradient + screened.normal[:, 2:] @ np.array([3.0, -2.0])
+    assert beside(dataclasses.replace(screened, gradient=gradient), PRICE, 0.0, 0.0) == []
+
+
+def test_a_tuned_nominal_stands_at_an_optimum_of_what_was_tuned(screened) -> None:
+    def of_the_tunable(gradient: np.ndarray) -> Screen:
+        """What a score test of damping and rotor alone finds."""
+        atoms = [dataclasses.replace(a, columns=slice(i, i + 1)) for i, a in enumerate(screened.atoms[2:])]
+        return Screen(tuple(atoms), screened.normal[2:, 2:], gradient[2:])
+
+    assert at_an_optimum(of_the_tunable(screened.gradient), 1e-3)
+    off = of_the_tunable(screened.gradient + screened.normal[:, 2:] @ np.array([0.3, -0.2]))
+    gain = off.possible_gain(off.best())
+    assert at_an_optimum(off, 1.2 * gain)
+    assert not at_an_optimum(off, 1.05 * gain)
+
+
+def test_only_what_pays_stays(screened) -> None:
+    hidden, _, *tunable = screened.atoms
+    assert paying(screened, [hidden], tunable, PRICE) == tunable
+    assert paying(screened, [hidden], tunable, 1e9) == []
+    assert paying(screened, [], tunable, PRICE) == []
+
+
+def test_of_two_names_for_one_thing_one_pays(screened) -> None:
+    """A drive's bias and a constant force on its joint: half of each would seem to be needed."""
+    hidden, _, rotor, damping = screened.atoms
+    every = [0, 1, 2, 3, 3]
+    normal, gradient = screened.normal[np.ix_(every, every)], screened.gradient[every]
+    twin = dataclasses.replace(damping, columns=slice(4, 5))
+    both = Screen((*screened.atoms, twin), normal, gradient)
+    assert paying(both, [hidden], [rotor, damping, twin], PRICE) == [rotor, damping]
+
+
+def test_what_is_undone_comes_on_top_of_a_set(bench) -> None:
+    fit = bench.fit("cubic_spring", 0.1)
+    atom = Atom(bench.effect("viscous_friction"), np.array([0.06]), 50.0, slice(0, 1), np.array([0.06]))
+    found = Screen((atom,), np.array([[50.0]]), np.array([50.0]))
+    ((effects, values),) = undone(fit, found, PRICE)
+    assert effects == (*fit.effects, atom.effect)
+    np.testing.assert_allclose(values[-1], 0.06)
+    assert undone(fit, found, 100.0) == []
+
+
+def test_a_tuning_gains_less_alone_than_beside_what_it_hides(bench) -> None:
+    def fit(chi2: float, count: int = 1, damping: float = 0.1):
+        effects, values = (bench.effect("viscous_friction"),) * count, (np.array([damping]),) * count
+        return dataclasses.replace(bench.nominal, chi2=chi2, effects=effects, values=values)
+
+    nominal, best = fit(1000.0), fit(0.0)
+    assert only_undoes(nominal, fit(960.0), fit(300.0), best)
+    assert not only_undoes(nominal, fit(950.0), fit(300.0), best)
+    assert only_undoes(nominal, fit(860.0), fit(1000.0), best)
+    assert not only_undoes(nominal, fit(840.0), fit(5000.0), best)
+    assert only_undoes(nominal, fit(900.0, count=2), fit(300.0), best)
+    assert not only_undoes(nominal, fit(850.0, count=2), fit(300.0), best)
+    assert only_undoes(nominal, fit(650.0, count=4), fit(300.0), best, needed=True)
+    assert not only_undoes(nominal, fit(650.0, count=3), fit(300.0), best, needed=True)
+    assert only_undoes(nominal, fit(530.0, count=4), fit(300.0), best, needed=True)
+    assert not only_undoes(nominal, fit(510.0, count=4), fit(300.0), best, needed=True)
+    assert not only_undoes(nominal, fit(650.0, count=4), fit(300.0), best)
+    assert not only_undoes(nominal, fit(100.0), fit(300.0), best)
+    assert only_undoes(nominal, fit(800.0, count=3), fit(300.0), best)
+    assert not only_undoes(nominal, fit(100.0, count=3), fit(300.0), best)
+    assert only_undoes(nominal, fit(700.0), fit(300.0), fit(0.0, damping=-0.1))  # a damping that drives

@@ -1,0 +1,63 @@
+from __future__ import annotations
+
+import dataclasses
+
+import numpy as np
+import pytest
+
+from torch_activegp.diagnosis.noise.model import NoiseModel
+from torch_activegp.diagnosis.selection import weak
+from torch_activegp.diagnosis.selection.compared import Selection
+from torch_activegp.diagnosis.selection.judge import judge
+from torch_activegp.diagnosis.selection.search import select
+from torch_activegp.diagnosis.selection.weak import also_weak
+from torch_activegp.diagnosis.shooting.likelihood import Shooting
+from torch_activegp.diagnosis.simulation.engine import Candidate
+
+NOISE = 1e-4
+NAMES = ("viscous_friction", "constant_force", "linear_spring", "armature_error")
+
+
+def recorded(clean, push: float) -> tuple[Shooting, Selection]:
+    """A likelihood of much viscous friction and a weak push, and what is chosen."""
+    damping, force = clean.effect("viscous_friction"), clean.effect("constant_force")
+    truth = Candidate((damping, force), (np.array([0.03]), np.array([push])))
+    own = clean.engine.predict(clean.segments, clean.nominal.starts[None], [truth])[0][0]
+    noise = NOISE * np.random.default_rng(0).normal(size=own.shape)
+    segments = dataclasses.replace(clean.segments, position=own + noise)
+    shooting = Shooting(clean.engine, segments, NoiseModel.white(np.array([NOISE])))
+    nominal = shooting.fit([((), ())], clean.nominal.starts)[0]
+    return shooting, select(shooting, [clean.effect(name) for name in NAMES], nominal)
+
+
+def test_what_is_weak_is_named_where_only_noise_is_left_behind_it(clean) -> None:
+    shooting, chosen = recorded(clean, 0.0025)
+    assert {name for name, _ in chosen.best.keys} == {"viscous_friction"}
+    assert 1.05 < chosen.score.scale < 1.5
+    stages: list[str] = []
+    found = also_weak(shooting, chosen, [clean.effect(name) for name in NAMES], stages.append)
+    assert {name for name, _ in found.best.keys} == {"viscous_friction", "constant_force"}
+    assert found.best.by_effect[clean.effect("constant_force")][0] == pytest.approx(0.0025, rel=0.3)
+    assert {effect.name for effect in judge(shooting, found).named} == {"viscous_friction", "constant_force"}
+    assert stages[0] == "testing what is weak"
+    assert {name for name, _ in chosen.best.keys} == {"viscous_friction"}
+
+
+def test_what_is_weak_has_no_name_where_more_than_noise_is_left_behind_it(clean, monkeypatch) -> None:
+    shooting, chosen = recorded(clean, 0.0025)
+    effects = [clean.effect(name) for name in NAMES]
+    monkeypatch.setattr(weak, "DOUBT", 1.1)  # nothing is noise
+    assert also_weak(shooting, chosen, effects).best.keys > chosen.best.keys  # but nearly all of it is gone
+    monkeypatch.setattr(weak, "_NEARLY", 0.0)
+    assert also_weak(shooting, chosen, effects) is chosen
+    work = shooting.work
+    short = dataclasses.replace(chosen, cut_short=True)
+    assert also_weak(shooting, short, effects) is short
+    assert shooting.work == work
+
+
+def test_nothing_weak_is_looked_for_where_noise_alone_is_left(clean) -> None:
+    shooting, chosen = recorded(clean, 0.0)
+    stages: list[str] = []
+    assert also_weak(shooting, chosen, [clean.effect(name) for name in NAMES], stages.append) is chosen
+    assert not stages

@@ -1,0 +1,98 @@
+"""The sparse posterior against gpytorch's exact one, the length-scales that it finds, and the force as an effect."""
+
+from __future__ import annotations
+
+import dataclasses
+import pickle
+
+import gpytorch
+import numpy as np
+import pytest
+import torch
+
+from torch_activegp.diagnosis.inputs.runs import Channels
+from torch_activegp.diagnosis.simulation.force_gp import Bins, ForceGP, Remainder
+from torch_activegp.physics import Step
+
+NOISE = 0.05
+
+
+def make_bins(rng: np.random.Generator, segments: int = 10, number: int = 12) -> Bins:
+    """Bins of one joint whose force, 2 sin 3q, is measured independently in each."""
+    inputs = rng.uniform(-1.0, 1.0, (segments, number, 3))
+    measured = 2 * np.sin(3 * inputs[..., 0]) + NOISE * rng.normal(size=(segments, number))
+    normal = np.broadcast_to(np.eye(number) / NOISE**2, (segments, number, number))
+    return Bins(inputs, normal[:, None, :, None, :].copy(), measured[:, None] / NOISE**2)
+
+
+@pytest.fixture
+def bins() -> Bins:
+    return make_bins(np.random.default_rng(0))
+
+
+def test_equals_the_exact_posterior_where_every_bin_is_an_inducing_point(bins: Bins, channels: Channels) -> None:
+    learned = ForceGP.on(bins, channels)
+    effect = learned.posterior(bins)
+    inputs = torch.from_numpy((bins.inputs.reshape(-1, 3) - learned.centre) / learned.spread)
+    targets = torch.from_numpy((bins.gradient * NOISE**2 / learned.unit).ravel())
+    likelihood = gpytorch.likelihoods.FixedNoiseGaussianLikelihood(
+        torch.full((len(targets),), (NOISE / learned.unit[0]) ** 2, dtype=torch.float64)
+    )
+    exact = Exact(inputs, targets, likelihood, learned.kernel).double().eval()
+    asked = np.random.default_rng(1).uniform(-1.0, 1.0, (20, 3))
+    with torch.no_grad():
+        mean = exact(torch.from_numpy((asked - learned.centre) / learned.spread)).mean[0] * learned.unit[0]
+    np.testing.assert_allclose(effect.force(asked)[:, 0], mean.numpy(), atol=2e-3)
+
+
+def test_finds_the_force_and_which_input_it_depends_on(bins: Bins, channels: Channels) -> None:
+    effect = ForceGP.on(bins, channels).posterior(bins)
+    asked = np.random.default_rng(1).uniform(-0.9, 0.9, (50, 3))
+    np.testing.assert_allclose(effect.force(asked)[:, 0], 2 * np.sin(3 * asked[:, 0]), atol=0.15)
+    assert effect.length_scales[0, 0] < 0.5 * effect.length_scales[0, 1:].min()
+
+
+def test_far_from_all_data_there_is_no_force(bins: Bins, channels: Channels) -> None:
+    effect = ForceGP.on(bins, channels).posterior(bins)
+    assert abs(effect.force(np.full((1, 3), 1e3))[0, 0]) < 1e-9
+
+
+def test_two_joints_have_forces_of_their_own(bins: Bins, channels: Channels) -> None:
+    two = dataclasses.replace(channels, joints=("a", "b"), qpos=np.array([0, 1]), dof=np.array([0, 1]))
+    size, number = bins.inputs.shape[:2]
+    normal = np.zeros((size, 2, number, 2, number))
+    normal[:, 0, :, 0], normal[:, 1, :, 1] = bins.normal[:, 0, :, 0], bins.normal[:, 0, :, 0]
+    gradient = np.concatenate([bins.gradient, -3 * bins.gradient], axis=1)
+    both = Bins(bins.inputs, normal, gradient)
+    effect = ForceGP.on(both, two).posterior(both)
+    forces = effect.force(np.array([[0.4, 0.0, 0.0]]))[0]
+    np.testing.assert_allclose(forces, 2 * np.sin(1.2) * np.array([1, -3]), rtol=0.1)
+
+
+def test_adds_its_force_in_its_own_rows(bins: Bins, channels: Channels) -> None:
+    effect = ForceGP.on(bins, channels).posterior(bins)
+    q, v, u = np.array([[0.1], [0.4], [-0.2]]), np.array([[0.3], [0.0], [0.5]]), np.array([[0.1], [0.2], [0.3]])
+    force = np.ones((3, 1))
+    step = Step(q, v, u, force, lambda name: np.zeros(3), np.full(3, 0.01))
+    effect.before_step(step, np.array([0, 2]), np.zeros((2, 0)), None)
+    expected = effect.force(np.hstack([q, v, u]))[:, 0]
+    np.testing.assert_allclose(force[:, 0], 1 + expected * [1, 0, 1])
+
+
+def test_survives_pickling_and_gives_its_state(bins: Bins, channels: Channels) -> None:
+    effect = ForceGP.on(bins, channels).posterior(bins)
+    again = pickle.loads(pickle.dumps(effect))
+    np.testing.assert_array_equal(again.force(bins.inputs[0]), effect.force(bins.inputs[0]))
+    rebuilt = Remainder("world", (), np.zeros((0, 0)), **{k: v.numpy() for k, v in effect.state().items()})
+    np.testing.assert_array_equal(rebuilt.force(bins.inputs[0]), effect.force(bins.inputs[0]))
+
+
+class Exact(gpytorch.models.ExactGP):
+    def __init__(
+        self, x: torch.Tensor, y: torch.Tensor, likelihood: gpytorch.likelihoods.Likelihood, kernel: gpytorch.Module
+    ) -> None:
+        super().__init__(x[None], y[None], likelihood)
+        self.mean, self.kernel = gpytorch.means.ZeroMean(batch_shape=torch.Size([1])), kernel
+
+    def forward(self, x: torch.Tensor) -> gpytorch.distributions.MultivariateNormal:
+        return gpytorch.distributions.MultivariateNormal(self.mean(x), self.kernel(x))

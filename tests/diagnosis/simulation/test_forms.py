@@ -1,0 +1,90 @@
+from __future__ import annotations
+
+import mujoco
+import numpy as np
+import pytest
+
+from torch_activegp.diagnosis.simulation.calm import CalmEngine
+from torch_activegp.diagnosis.simulation.forms import Forms
+
+RK4, FAST, EULER = (int(getattr(mujoco.mjtIntegrator, f"mjINT_{name}")) for name in ("RK4", "IMPLICITFAST", "EULER"))
+
+
+def test_the_forms_of_a_model(bench) -> None:
+    made = Forms.of(bench.integrated("Euler", 0.001), 1)
+    assert (made.given.model.opt.integrator, made.given.substeps) == (EULER, 10)
+    assert (made.fine.model.opt.integrator, made.fine.substeps) == (RK4, 10)
+    assert (made.middle.model.opt.integrator, made.middle.substeps) == (RK4, 2)
+    assert (made.coarse.model.opt.integrator, made.coarse.substeps) == (EULER, 2)
+    assert made.late is not None
+    assert (made.late.late, made.late.substeps) == (True, 2)
+    assert made.finest is not None
+    assert (made.finest.late, made.finest.substeps) == (True, 20)
+    assert made.quick is not None
+    assert (made.quick.late, made.quick.substeps) == (True, 8)
+    off = int(mujoco.mjtDisableBit.mjDSBL_CONTACT)  # nothing touches: a form that stands in need not look for it
+    assert [bool(form.model.opt.disableflags & off) for form in (made.finest, made.quick)] == [False, True]
+    assert Forms.of(bench.integrated("Euler", 0.0001), 1).finest is None  # its own steps are short enough
+    made = Forms.of(bench.integrated("RK4", 0.005), 1)
+    assert made.coarse.model.opt.integrator == FAST
+    assert made.fine is made.given
+    assert made.middle is made.fine
+
+
+def test_where_a_leapfrog_is_of_first_order_it_competes_with_runge_kutta(clean, monkeypatch) -> None:
+    stuck = clean.integrated("Euler", 0.01, 'frictionloss="0.6"')
+    second = Forms.of(stuck, 1)
+    assert (second.leapt, second.firm_leapt) == (None, None)
+    monkeypatch.setattr("torch_activegp.diagnosis.simulation.forms.is_of_second_order", lambda model: False)
+    made = Forms.of(stuck, 1)
+    for form, steps in ((made.finest, 8), (made.firm, 20)):
+        assert form is not None
+        assert (form.late, form.model.opt.integrator, form.substeps) == (False, RK4, steps)
+    for form, same in ((made.leapt, second.finest), (made.firm_leapt, second.firm)):
+        assert form is not None and same is not None
+        assert (form.late, form.substeps) == (same.late, same.substeps)
+    assert [form.substeps for form in (made.leapt, made.firm_leapt) if form is not None] == [20, 40]
+    assert [made.stand_in(form) for form in made.short] == [made.middle, made.quick, made.middle, made.firm_quick]
+    assert made.stand_in(made.fine) is made.middle
+    assert made.short == (made.finest, made.leapt, made.firm, made.firm_leapt)
+    assert [made.sticks(form) for form in made.short] == [False, False, True, True]
+
+
+def test_a_model_without_friction_has_no_firm_form(clean) -> None:
+    assert Forms.of(clean.integrated("Euler", 0.005), 1).firm is None
+
+
+def test_firm_friction_is_as_firm_as_that_of_short_steps(clean) -> None:
+    """Whatever the model's own time step."""
+    firm = Forms.of(clean.integrated("Euler", 0.01, 'frictionloss="0.6"'), 1).firm
+    assert firm is not None
+    assert firm.model.dof_solref[0, 0] == pytest.approx(0.0005)
+    assert (firm.substeps, firm.late) == (40, True)
+
+
+def test_what_strikes_now_and_then_takes_long_steps_where_nothing_touches(clean) -> None:
+    highest = np.rad2deg(np.quantile(np.concatenate([run.smooth for run in clean.machine.fit]), [0.95, 0.5]))
+    seldom, often = (
+        Forms.of(clean.integrated("Euler", 0.001, f'limited="true" range="-900 {angle}"'), 1) for angle in highest
+    )
+    assert seldom.stiff and often.stiff
+    assert [isinstance(form, CalmEngine) for form in (seldom.fine, seldom.middle, seldom.coarse)] == [True] * 3
+    assert not isinstance(seldom.given, CalmEngine)  # the model as it is
+    assert not any(isinstance(form, CalmEngine) for form in vars(often).values())
+    dry = Forms.of(clean.integrated("Euler", 0.001, f'limited="true" range="-900 {highest[0]}" frictionloss="0.1"'), 1)
+    assert isinstance(dry.coarse, CalmEngine)
+    assert not isinstance(dry.fine, CalmEngine)  # where joints stick long steps are not exact
+
+
+def test_the_models_own_integrator_in_shorter_steps(clean) -> None:
+    plain, precise = (Forms.of(clean.integrated(name, 0.01), 1) for name in ("Euler", "RK4"))
+    for made, integrator in ((plain, EULER), (precise, FAST)):
+        assert [form.substeps for form in made.own] == [2, 4, 5, 10, 20]
+        assert {form.model.opt.integrator for form in made.own} == {integrator}
+    assert [plain.stand_in(form).substeps for form in plain.own] == [2, 4, 5, 4, 4]  # of half as many steps or fewer
+    assert [form.substeps for form in Forms.of(clean.integrated("Euler", 0.001), 1).own] == [20, 40, 50, 100]
+    striking = Forms.of(clean.integrated("RK4", 0.01, 'limited="true" range="-900 10"'), 1)
+    assert striking.stiff
+    assert [form.substeps for form in striking.own] == [2, 4, 5]  # no shorter than 2 ms, by the scheme that it has
+    assert {form.model.opt.integrator for form in striking.own} == {RK4}
+    assert set(striking.own) < set(striking.all)

@@ -1,0 +1,89 @@
+"""What a user should know of how the effects were found."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import mujoco
+import numpy as np
+
+from torch_activegp.diagnosis.inputs.runs import median_step
+from torch_activegp.diagnosis.inputs.segments import Segments
+from torch_activegp.diagnosis.selection.explain import Explanation
+from torch_activegp.diagnosis.selection.search import Depth
+from torch_activegp.diagnosis.simulation.blackbox_engine import BlackBoxEngine
+from torch_activegp.physics.effect import Effect
+
+_SCHEMES = {
+    int(mujoco.mjtIntegrator.mjINT_EULER): "semi-implicit Euler",
+    int(mujoco.mjtIntegrator.mjINT_RK4): "Runge-Kutta",
+    int(mujoco.mjtIntegrator.mjINT_IMPLICIT): "implicit Euler",
+    int(mujoco.mjtIntegrator.mjINT_IMPLICITFAST): "implicit Euler (implicitfast)",
+}
+_MOST = 0.75
+"""Share of the recordings below which it is said: ends of runs and first rows of segments never count."""
+_TO_AND_FRO = {"hysteresis": "hysteresis", "asymmetric_friction": "friction that differs between the directions"}
+_CUT_SHORT = (
+    f"The search for effects ended when it had computed {Depth().work / 1e6:g} million time steps. Further ones on top "
+    "of those found, or others in their place, were not all tried."
+)
+
+
+def search_notes(explanation: Explanation, model: mujoco.MjModel) -> list[str]:
+    """What to know of the numerics, of the part of the data that was used, and of a search that was cut short.
+
+    Args:
+        explanation: what was found, and how.
+        model: as it was given, with its own integrator.
+    """
+    cut_short = [_CUT_SHORT] if explanation.selection.cut_short else []
+    part = _part_note(explanation.shooting.segments)
+    return [*_numerics_note(explanation, model), *part, *cut_short, *_one_way_notes(explanation.effects)]
+
+
+def _one_way_notes(effects: Sequence[Effect]) -> list[str]:
+    """Joints that do not turn back, or go one way only: what is sought only on others."""
+    joints = dict.fromkeys(effect.target for effect in effects if effect.target.startswith("joint:"))
+    tried = {effect.key for effect in effects}
+    notes = []
+    for joint in joints:
+        lacking = [what for what in _TO_AND_FRO if (what, joint) not in tried]
+        if lacking:
+            sought = " and ".join(_TO_AND_FRO[what] for what in lacking)
+            notes.append(f"{joint} hardly turns back in these recordings: {sought} cannot show, and was not sought.")
+    return notes
+
+
+def _part_note(segments: Segments) -> list[str]:
+    share = float(np.diff(segments.scored).sum()) / sum(map(len, segments.runs))
+    if share > _MOST:
+        return []
+    return [
+        f"The effects were fitted to {100 * share:.0f}% of the recordings, evenly spread: simulating them all takes "
+        "long, and these tell enough. Intervals hold for this part."
+    ]
+
+
+def _numerics_note(explanation: Explanation, model: mujoco.MjModel) -> list[str]:
+    if not explanation.fine:
+        return []
+    engine = explanation.engine
+    if isinstance(engine, BlackBoxEngine):
+        return [
+            f"The recordings agree better with {engine.box.name} if its controls come half a time step later, as they "
+            "should where it integrates by semi-implicit Euler; that difference is discretisation and is not named. "
+            "The corrected simulator keeps the controls as they are."
+        ]
+    firmly = " and with dry friction in its joints that sticks firmly, where MuJoCo lets it creep" * explanation.firm
+    return [
+        f"The recordings agree better with the model integrated {_how(explanation)}{firmly} than as it stands (by "
+        f"{_SCHEMES[int(model.opt.integrator)]} in steps of {model.opt.timestep:g} s); that difference is one of "
+        "numerics and is not named."
+    ]
+
+
+def _how(explanation: Explanation) -> str:
+    """Integrator and time step, as they go into the corrected model."""
+    engine = explanation.engine.without_leapfrog()
+    step = median_step(explanation.shooting.segments.runs) / engine.substeps
+    return f"by {_SCHEMES[int(engine.model.opt.integrator)]} in steps of {step:.2g} s"

@@ -1,0 +1,100 @@
+"""What the next recording should tell: rivals that are still open apart, else the least certain parameter."""
+
+from __future__ import annotations
+
+import dataclasses
+from typing import Any
+
+import numpy as np
+
+from torch_activegp.diagnosis.findings.experiment import Telling, next_experiment
+from torch_activegp.diagnosis.inputs.runs import Array, Run
+from torch_activegp.diagnosis.selection.explain import Explanation
+from torch_activegp.diagnosis.selection.intervals import covariance
+from torch_activegp.diagnosis.selection.judge import Judgement
+from torch_activegp.diagnosis.shooting.fit import Fit, bounds, split
+
+_RIVALS = 3
+_OPEN = 20.0
+"""Rivals whose score is worse by more are ruled out."""
+_MOST = 0.1
+"""Least part that is promised of a standard error. Where motions part for ever, as those of two links that swing
+freely, the chi2 by which they differ promised 5e-4."""
+_ENDS = 2.0
+"""Standard errors from a parameter's estimate to the ends that are to be told apart."""
+
+
+def propose(
+    explanation: Explanation, judgement: Judgement, runs: tuple[Run, ...], seed: int
+) -> tuple[dict[str, Any], str] | None:
+    """Controls for the machine that tell most, as :func:`next_experiment` has them.
+
+    Where something is named and no rival is left, two models are told apart that have the least certain parameter of
+    the best set at either end of its interval.
+
+    Args:
+        explanation: the sets.
+        judgement: the verdict, and the rivals.
+        runs: recordings.
+        seed: of the random controls.
+
+    Returns:
+        The entry of ``diagnosis.json`` and the CSV text; None where nothing differs, and where no controls would tell.
+    """
+    if judgement.verdict == "none":
+        return None
+    shooting, engine = explanation.shooting, explanation.engine
+    certain = judgement.verdict in ("named", "tie")
+    best = judgement.rivals[0][0]
+    others = [fit for fit, distance, _ in judgement.rivals[1 : _RIVALS + 1] if not certain or distance < _OPEN]
+    for rival in others:
+        found = next_experiment(engine, [best, rival], runs, shooting.noise, seed, shooting.differences)
+        if found is not None:
+            return found
+    if not certain:
+        return None
+    ends = least_certain(judgement.fit, covariance(shooting, judgement.fit))
+    if ends is None:
+        return None
+    fits, telling = ends
+    return next_experiment(engine, fits, runs, shooting.noise, seed, shooting.differences, telling)
+
+
+def least_certain(fit: Fit, covariance: Array) -> tuple[list[Fit], Telling] | None:
+    """A fit with its least certain parameter at either end of its interval, the others following.
+
+    Args:
+        fit: of a set.
+        covariance: of its parameters, ``(P, P)``.
+
+    Returns:
+        Two fits, and what telling them apart tells; None where no parameter is known at all.
+    """
+    flat, error = np.concatenate([np.zeros(0), *fit.values]), np.sqrt(np.maximum(np.diag(covariance), 0.0))
+    relative = np.where((error > 0.0) & (flat != 0.0), error / np.abs(np.where(flat != 0.0, flat, 1.0)), 0.0)
+    if not relative.any():
+        return None
+    place = int(np.argmax(relative))
+    moved = _ENDS * covariance[:, place] / error[place]
+    low, high = bounds(fit.effects)
+    ends = [np.clip(flat + side * moved, low, high) for side in (-1.0, 1.0)]
+    effect, parameter = [(e, p) for e in fit.effects for p in e.parameters][place]
+    known = parameter.name in effect.describe(fit.by_effect[effect])  # the sine of a cogging is no name for its users
+    what = f"{parameter.name if known else 'part'} of {effect.name} at {effect.target}"
+    unit = f" {parameter.unit}".rstrip()
+
+    def sentence(gain: float) -> str:
+        share = max(1.0 / np.sqrt(1.0 + gain / (2.0 * _ENDS) ** 2), _MOST)
+        if not known:
+            return (
+                f"no rival is left; least certain is {effect.name} at {effect.target}, whose standard errors these "
+                f"controls would bring to about {100 * share:.2g} % of what they are"
+            )
+        narrower = f"{share * error[place]:.2g}{unit}"
+        return (
+            f"no rival is left; the least certain number is the {what}, whose standard error these controls would "
+            f"bring from {error[place]:.2g}{unit} to {f'about {narrower}' if share > _MOST else f'{narrower} or less'}"
+        )
+
+    fits = [dataclasses.replace(fit, values=split(fit.effects, end)) for end in ends]
+    return fits, Telling([f"{what} {end[place]:.4g}{unit}" for end in ends], sentence)

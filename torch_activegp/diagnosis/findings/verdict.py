@@ -1,0 +1,53 @@
+"""The verdict with a second opinion: a name has to forecast recordings that its parameters have not seen."""
+
+from __future__ import annotations
+
+import dataclasses
+from typing import NamedTuple
+
+from torch_activegp.diagnosis.findings.stability import stability
+from torch_activegp.diagnosis.result import Stability
+from torch_activegp.diagnosis.selection.compared import Selection
+from torch_activegp.diagnosis.selection.judge import Judgement, judge
+from torch_activegp.diagnosis.shooting.likelihood import Shooting
+
+
+class Verdict(NamedTuple):
+    """What may be said, and why.
+
+    Args:
+        judgement: the verdict.
+        stability: what becomes of its names when each recording is left out; None where nothing is named.
+        notes: names that were given up, in sentences.
+    """
+
+    judgement: Judgement
+    stability: Stability | None
+    notes: tuple[str, ...]
+
+
+def decide(shooting: Shooting, selection: Selection) -> Verdict:
+    """Judges, and judges again without the sets of a name that leaving recordings out refutes, one name at a time.
+
+    A score on all data takes noise for independent. Where it is not (a coarse encoder at slow motion), some law of many
+    shapes may explain a little of it; such a law makes the forecasts of recordings left out worse.
+
+    Args:
+        shooting: the likelihood.
+        selection: the compared sets.
+    """
+    notes: list[str] = []
+    while True:
+        judgement = judge(shooting, selection)
+        found = stability(shooting, selection, judgement)
+        refuted = [effect for effect in (found.effects if found is not None else ()) if effect.refuted]
+        if not refuted:
+            return Verdict(judgement, found, tuple(notes))
+        worst = min(refuted, key=lambda effect: sum(gain or 0.0 for gain in effect.gains))
+        notes.append(
+            f"{worst.name} at {worst.target} would fit these recordings better, but by chance: fitted to the others, "
+            "it makes the forecasts of recordings left out worse. It is not named."
+        )
+        fits = [fit for fit in selection.fits if (worst.name, worst.target) not in fit.keys]
+        selection = dataclasses.replace(selection, fits=fits, score=selection.score.without_free())
+        selection.rescale(shooting.dof)

@@ -1,0 +1,201 @@
+"""What a diagnosis starts from: the nominal model, the runs to fit, the runs that are set aside."""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Sequence
+from pathlib import Path
+
+import mujoco
+import numpy as np
+
+from torch_activegp.data import Recording
+from torch_activegp.diagnosis.inputs.blackbox import BlackBox, check_clock, check_rates, check_recordings
+from torch_activegp.diagnosis.inputs.runs import MIN_ROWS, Channels, Run, input_addresses, make_run
+from torch_activegp.diagnosis.inputs.wrong_controls import doubt_controls
+from torch_activegp.diagnosis.inputs.wrong_signs import check_signs
+from torch_activegp.diagnosis.inputs.wrong_units import check_units
+from torch_activegp.errors import ConfigurationError, DataError
+
+_SHARE = 0.2
+_MOVES = 1e-9
+_SHORT = 2.0
+"""Less than this in all is hardly an experiment, s."""
+
+
+@dataclasses.dataclass(frozen=True)
+class Machine:
+    """A model with recordings laid over it.
+
+    Args:
+        model: compiled nominal model.
+        channels: the recorded joints.
+        fit: runs for fitting and selection.
+        holdout: runs that are only forecast.
+        notes: what was decided about the recordings.
+        box: the simulator that the model stands for, where that is not MuJoCo.
+    """
+
+    model: mujoco.MjModel
+    channels: Channels
+    fit: tuple[Run, ...]
+    holdout: tuple[Run, ...]
+    notes: tuple[str, ...]
+    box: BlackBox | None = None
+
+
+def check_given(recordings: Recording | Sequence[Recording], asked: str) -> list[Recording]:
+    """One recording or several, as a list.
+
+    Args:
+        recordings: what was given.
+        asked: the function that was, for the message.
+
+    Raises:
+        ConfigurationError: something else than recordings.
+    """
+    if isinstance(recordings, Recording):
+        return [recordings]
+    given: list[object] = [recordings] if isinstance(recordings, str | Path) else list(recordings)
+    for one in given:
+        if not isinstance(one, Recording):
+            what = f"a path. Read it: load_recordings({str(one)!r})" if isinstance(one, str | Path) else repr(one)
+            raise ConfigurationError(f"{asked}: recordings wanted, found {what}.")
+    return [one for one in given if isinstance(one, Recording)]
+
+
+def make_machine(
+    model: mujoco.MjModel, recordings: Sequence[Recording], holdout: Sequence[Recording], box: BlackBox | None = None
+) -> Machine:
+    """Lays recordings over a model and sets runs aside where none is given for that.
+
+    Args:
+        model: compiled nominal model.
+        recordings: runs for fitting and selection.
+        holdout: runs that are only forecast; without any, the last fifth of the runs is set aside, or of the longest
+            run where there are fewer than 3.
+        box: the simulator that the model stands for, where that is not MuJoCo.
+
+    Raises:
+        DataError: there is no recording, or one does not fit the model, is too short, does not move, or seems to be in
+            another unit.
+        ConfigurationError: a black box moves its positions otherwise than its velocities say.
+    """
+    if not recordings:
+        raise DataError("no recording to fit. Give at least one run of the machine.")
+    channels = Channels.of(model, [*recordings, *holdout])
+    notes: list[str] = []
+    recordings, holdout = _long_enough(recordings, notes), _long_enough(holdout, notes)
+    if channels.prescribed is not None:
+        notes.append(_prescribed(channels.prescribed))
+    notes += recording_notes(model, [*recordings, *holdout])
+    fit = [make_run(recording, model, channels) for recording in recordings]
+    kept = [make_run(recording, model, channels) for recording in holdout]
+    notes += [f"{run.label}: {note}" for run in [*fit, *kept] for note in run.notes]
+    _refuse_constant(fit, channels)
+    if box is None:
+        notes += _doubts(model, channels, fit, kept)
+    else:
+        check_recordings(box, [*recordings, *holdout])
+        check_clock(box, [*fit, *kept])
+        check_rates(box, channels, fit)
+        notes += box.notes()
+    if not kept:
+        fit, kept, note = _set_aside(fit)
+        notes.append(note)
+    seconds = sum(float(run.time[-1]) for run in fit)
+    if seconds < _SHORT:
+        notes.append(
+            f"Only {seconds:.3g} s are fitted: what is missing shows there only if it is gross. Record several seconds "
+            "in which every joint moves to and fro."
+        )
+    return Machine(model, channels, tuple(fit), tuple(kept), tuple(dict.fromkeys(notes)), box)
+
+
+def _doubts(model: mujoco.MjModel, channels: Channels, fit: Sequence[Run], kept: Sequence[Run]) -> list[str]:
+    """Columns whose unit or sign is doubted; raises a `DataError` where it is surely another one."""
+    controls = doubt_controls(model, channels, fit)
+    try:
+        units = [*check_units(model, channels, fit), *check_units(model, channels, kept)]
+    except DataError as error:
+        if controls:  # a motion in mm takes what a force in kN would give
+            raise DataError(f"{error} Or another column is: {controls[0]}") from error
+        raise
+    check_signs(model, channels, fit)
+    return [*units, *controls]
+
+
+def recording_notes(model: mujoco.MjModel, recordings: Sequence[Recording]) -> list[str]:
+    """What was read from each recording and what it lacks, in sentences."""
+    notes = []
+    for recording in recordings:
+        notes += [f"{recording.label}: {note}" for note in recording.notes]
+        missing = [f"ctrl.{name}" for name in input_addresses(model) if name not in recording.actuators]
+        if missing and not recording.actuators:
+            notes.append(
+                f"{recording.label}: no control is recorded ({', '.join(missing)}); taken as 0. If the machine was "
+                "driven, nothing can explain its motion so: record them."
+            )
+        elif missing:
+            notes.append(f"{recording.label}: no {', '.join(missing)}; taken as 0.")
+        unseen = [joint for joint in recording.joints if f"qpos.{joint}" not in recording]
+        notes += [
+            f"{recording.label}: qvel.{joint} without qpos.{joint}; {joint} counts as not measured. Record it."
+            for joint in unseen
+        ]
+    return notes
+
+
+def _prescribed(joints: Channels) -> str:
+    """What it means that joints are prescribed, in words."""
+    return (
+        f"Prescribed: {', '.join(joints.joints)}. Simulations follow the recorded motion there, which drives the other "
+        "joints; it is not scored, and nothing is sought there."
+    )
+
+
+def _long_enough(recordings: Sequence[Recording], notes: list[str]) -> list[Recording]:
+    """Leaves out what a gap has cut off, where the rest of its file is long enough."""
+    files = {recording.source for recording in recordings if len(recording) >= MIN_ROWS}
+    kept = []
+    for recording in recordings:
+        if len(recording) >= MIN_ROWS or recording.source is None or recording.source not in files:
+            kept.append(recording)
+        else:
+            notes += [f"{recording.label}: {note}" for note in recording.notes]
+            notes.append(f"{recording.label}: left out, a part of {len(recording)} rows is too short.")
+    return kept
+
+
+def _refuse_constant(runs: Sequence[Run], channels: Channels) -> None:
+    for c, joint in enumerate(channels.joints):
+        if all(np.ptp(run.position[:, c]) <= _MOVES for run in runs):
+            raise DataError(
+                f"{runs[0].label}, column `qpos.{joint}`: the same value in every row of every run. A position that "
+                "moves is wanted; check the sensor, or leave the column out."
+            )
+    if all(np.ptp(run.smooth, axis=0).max() <= 4 * run.noise.max() for run in runs):
+        raise DataError(
+            f"{runs[0].label}: no excitation, every position stays within its noise. Record a motion of the machine."
+        )
+
+
+def _set_aside(runs: list[Run]) -> tuple[list[Run], list[Run], str]:
+    if len(runs) >= 3:
+        count = max(round(_SHARE * len(runs)), 1)
+        kept = runs[-count:]
+        return runs[:-count], kept, f"No --holdout: set aside {', '.join(run.label for run in kept)}."
+    longest = max(range(len(runs)), key=lambda i: len(runs[i]))
+    cut = int((1 - _SHARE) * len(runs[longest]))
+    head, tail = _part(runs[longest], 0, cut, "first part"), _part(runs[longest], cut, len(runs[longest]), "last part")
+    others = [run for i, run in enumerate(runs) if i != longest]
+    return [*others, head], [tail], f"No --holdout and few runs: set aside the last fifth of {runs[longest].label}."
+
+
+def _part(run: Run, start: int, stop: int, name: str) -> Run:
+    rows = {f: getattr(run, f)[start:stop] for f in ("position", "recorded", "velocity", "smooth")}
+    held = {f: getattr(run, f)[start : stop - 1] for f in ("control", "force")}
+    time = run.time[start:stop] - run.time[start]
+    given = None if run.prescribed is None else _part(run.prescribed, start, stop, name)
+    rows["glitch"] = None if run.glitch is None else run.glitch[start:stop]
+    return dataclasses.replace(run, label=f"{run.label} ({name})", time=time, prescribed=given, **rows, **held)

@@ -1,0 +1,37 @@
+"""In which recorded poses bodies touch, or joints are at their limits."""
+
+from __future__ import annotations
+
+import copy
+
+import mujoco
+import numpy as np
+from numpy.typing import NDArray
+
+from torch_activegp.diagnosis.inputs.runs import Channels, Run
+
+_WIDER = 0.005
+"""Part of the machine's size, and of a joint's range, from which on it is about to touch."""
+
+
+def touching(model: mujoco.MjModel, channels: Channels, run: Run, rows: NDArray[np.int64]) -> NDArray[np.bool_]:
+    """Whether something touches in some rows of a run."""
+    data = mujoco.MjData(model)
+    out = np.zeros(len(rows), dtype=bool)
+    for i, row in enumerate(rows):
+        data.qpos[:] = model.qpos0
+        data.qpos[channels.qpos] = run.smooth[row]
+        if channels.prescribed is not None and run.prescribed is not None:
+            data.qpos[channels.prescribed.qpos] = run.prescribed.smooth[row]
+        mujoco.mj_fwdPosition(model, data)
+        out[i] = bool(data.ncon or data.nl)
+    return out
+
+
+def widened(model: mujoco.MjModel) -> mujoco.MjModel:
+    """The model with contacts and limits that are seen a little before they touch."""
+    wide = copy.copy(model)
+    wide.geom_margin += _WIDER * model.stat.extent
+    wide.pair_margin += _WIDER * model.stat.extent
+    wide.jnt_margin += _WIDER * np.ptp(model.jnt_range, axis=1)
+    return wide

@@ -1,0 +1,1 @@
+"""The noise of recorded positions from the recordings alone."""

@@ -1,0 +1,158 @@
+"""The noise of recorded positions from the recordings alone: level from differences, colour from the spectrum."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+from scipy import signal
+
+from torch_activegp.diagnosis.inputs.runs import Array, Run, median_step
+from torch_activegp.diagnosis.noise.model import (
+    NoiseModel,
+    colour_family,
+    colour_scale,
+    high_differences,
+    spectrum,
+)
+from torch_activegp.diagnosis.noise.periods import noise_from_periods
+
+_WINDOW = 128
+_LOWEST = 0.125
+_MOTION = 20.0
+"""Machines move more slowly than this, Hz, and below an eighth of the sampling rate; above there is noise."""
+_NARROW = 0.3
+_COLOURED = 0.4
+_BANDS = 3
+_SHOWN = 1.2
+"""A colour may show so much more variance to high differences than they see: 0.7 to 1.15 times for filtered noise, 1.3
+for the motion of a tight loop and 1.9 for a limit cycle in a backlash, recorded at 100 Hz."""
+_COMPLETE = 0.9
+_JITTER = 0.02
+_FINEST = 3e-5
+_VIDEO_TIME = 0.6
+_VIDEO_ERROR = 4.0
+"""The errors of a video (parallax, the lens, who marks a frame) last: frames of falling balls err by 0.1 to 0.15 m for
+half a second at a time, and by 0.03 m from one frame to the next."""
+_GROWS = 1.5
+"""What a displacement of a prescribed joint becomes on its way through a segment, beyond what inertia makes of it."""
+
+
+def noise_floor(runs: Sequence[Run]) -> NoiseModel:
+    """Noise level and colour of every channel, without a model of the machine.
+
+    High differences measure white noise. A filter in the encoder makes noise whose differences are small though its
+    level is not; it shows in the spectrum above the machine's motion, which is flat for white noise. Recordings
+    slower than 67 Hz leave no such band: their noise counts as white, unless they are said to be videos, whose errors
+    last. Where the controls repeat and the motion has settled, noise is what differs from period to period, and
+    neither is asked. No floor is below 3e-5 of the motion: rigid bodies, and the arithmetic that simulates them,
+    are no more exact than that. The noise of prescribed joints moves the others in a simulation, and comes on top
+    of theirs.
+
+    Args:
+        runs: at least one.
+    """
+    own = _own(runs, finest(runs))
+    return NoiseModel(np.hypot(own.scale, _carried(runs)), own.colour)
+
+
+def hides_filters(runs: Sequence[Run], channel: int) -> bool:
+    """Whether a filter in an encoder would show nowhere in the recordings.
+
+    They are too slow, too short, too uneven or miss too many rows for a spectrum above the motion, no excitation
+    repeats, and they are not said to be videos.
+    """
+    if any(run.video for run in runs) or noise_from_periods(runs, channel) is not None:
+        return False
+    return _lowest(runs) > _NARROW or all(_uneven(run) or _spectrum(run, channel) is None for run in runs)
+
+
+def finest(runs: Sequence[Run]) -> Array:
+    """The least noise of each channel, ``(C,)``: a part of the motion within runs."""
+    return np.asarray(_FINEST * np.sqrt(np.mean([run.position.var(axis=0) for run in runs], axis=0)))
+
+
+def _own(runs: Sequence[Run], least: Array | float = 0.0) -> NoiseModel:
+    """Noise of the channels themselves."""
+    scale = np.maximum(np.sqrt(np.mean([run.noise**2 for run in runs], axis=0)), least) + 1e-12
+    colour = np.zeros((len(scale), 2))
+    for channel in range(len(scale)):
+        found = noise_from_periods(runs, channel) or _video(runs, scale[channel]) or _colour(runs, channel)
+        if found is not None:
+            colour[channel], scale[channel] = found
+    return NoiseModel(np.asarray(scale), colour)
+
+
+def _video(runs: Sequence[Run], white: float) -> tuple[tuple[float, float], float] | None:
+    """Errors of a video that differ by so much from frame to frame; None where no run says that it is one."""
+    if not any(run.video for run in runs):
+        return None
+    return (float(np.exp(-median_step(runs) / _VIDEO_TIME)), 0.0), _VIDEO_ERROR * white
+
+
+def _carried(runs: Sequence[Run]) -> Array | float:
+    """What the noise of prescribed joints adds to each channel, ``(C,)``."""
+    given = [run.prescribed for run in runs if run.prescribed is not None]
+    coupling = [run.coupling for run in runs if run.coupling is not None]
+    if not given:
+        return 0.0
+    return np.asarray(_GROWS * np.sqrt(np.mean(np.square(coupling), axis=0) @ _own(given).scale ** 2))
+
+
+def _colour(runs: Sequence[Run], channel: int) -> tuple[tuple[float, float], float] | None:
+    """The poles whose spectrum is closest, and the noise's standard deviation; None for white noise.
+
+    Impacts and tight loops move a machine above the usual band too. Such a motion is no noise of any colour: one that
+    is as loud as it would show more to high differences than there is. Then a band farther up is asked.
+    """
+    found = [(run, s) for run in runs if (s := _spectrum(run, channel)) is not None]
+    lowest = _lowest(runs)
+    if not found or lowest > _NARROW:
+        return None
+    frequency, power = found[0][1][0], np.median([p for _, (_, p) in found], axis=0)
+    seen = float(np.median([run.noise[channel] ** 2 for run, _ in found]))
+    rest = 1e-20 * max(float(np.abs(run.position[:, channel]).max()) for run in runs) ** 2
+    if power[frequency >= lowest].min() <= rest:
+        return None
+    for above in np.linspace(lowest, 0.5, _BANDS + 1)[:-1]:
+        poles, level = _closest(frequency[frequency >= above], power[frequency >= above])
+        if level**2 * high_differences(poles) <= _SHOWN * seen:
+            return (poles, level / colour_scale(poles)) if any(poles) else None
+    return None
+
+
+def _closest(frequency: Array, power: Array) -> tuple[tuple[float, float], float]:
+    """The poles whose spectrum is closest to a power in some band, and the standard deviation of what is new."""
+    lower, upper = np.array_split(power, 3)[0], np.array_split(power, 3)[-1]
+    coloured = abs(np.log(lower.mean() / upper.mean())) >= _COLOURED
+    misfits = {}
+    for poles in colour_family() if coloured else [(0.0, 0.0)]:
+        apart = np.log(power) - np.log(spectrum(poles, frequency))
+        misfits[poles] = (float(apart.var()), float(apart.mean()))
+    poles = min(misfits, key=lambda key: misfits[key][0])
+    # a one-sided density at unit sampling rate: white noise of variance v has 2 v
+    return poles, float(np.sqrt(np.exp(misfits[poles][1]) / 2.0))
+
+
+def _lowest(runs: Sequence[Run]) -> float:
+    """Where the band above the machine's motion begins, in parts of the sampling rate."""
+    return max(_LOWEST, _MOTION * median_step(runs))
+
+
+def _uneven(run: Run) -> bool:
+    """Whether a run is sampled at uneven times; what is left of its motion hides part of the noise then."""
+    return bool(np.ptp(run.dt) > _JITTER * np.median(run.dt))
+
+
+def _spectrum(run: Run, channel: int) -> tuple[Array, Array] | None:
+    if run.recorded.mean() < _COMPLETE or len(run) < 2 * _WINDOW:
+        return None
+    values = run.position[:, channel]
+    if _uneven(run):  # sampled at uneven times, a motion looks like noise: take it out
+        speed = run.velocity[:, channel]
+        values = values - np.concatenate([[0.0], np.cumsum(0.5 * (speed[1:] + speed[:-1]) * run.dt)])
+    frequency, power = signal.welch(
+        values, window="blackmanharris", nperseg=_WINDOW, detrend=signal.detrend, average="median"
+    )
+    inner = slice(4, -2)
+    return frequency[inner], power[inner]

@@ -1,0 +1,128 @@
+"""How long segments are: so long that the nominal stays close enough for a linearisation to mean something."""
+
+from __future__ import annotations
+
+import dataclasses
+
+import numpy as np
+from numpy.typing import NDArray
+
+from torch_activegp.diagnosis.inputs.machine import Machine
+from torch_activegp.diagnosis.inputs.runs import Array, median_step
+from torch_activegp.diagnosis.inputs.segments import Segments, cut, halve
+from torch_activegp.diagnosis.noise.model import NoiseModel
+from torch_activegp.diagnosis.preparation.brief_pieces import begun, brief
+from torch_activegp.diagnosis.shooting.chaining import chained
+from torch_activegp.diagnosis.shooting.fit import Fit
+from torch_activegp.diagnosis.shooting.likelihood import Shooting
+from torch_activegp.diagnosis.simulation.engine import Engine
+from torch_activegp.diagnosis.simulation.forms import Forms
+
+SECONDS = 1.0
+ROWS = 45
+"""A segment holds at least so many rows: what is sampled slowly is watched longer."""
+PAD = 0.1
+_SHORTEST = 0.25
+_GROWTH = 6.0
+_OUT, _OUT_FAR = 10.0, 0.25
+"""A segment stands out by so many times the median, and by so large a part of what is too far: one of twenty whose
+initial state was not found, at 50 times the noise, made a search of 150 s where nothing was missing."""
+_ROUNDS = 6
+
+
+@dataclasses.dataclass(frozen=True, eq=False)
+class Lengths:
+    """Segments, and how well the nominal follows them.
+
+    Args:
+        segments: S segments.
+        nominal: its fit to them, roughly.
+        uncut: the same to segments of which none was halved.
+        form: the cheap form of the model by which it follows these better.
+    """
+
+    segments: Segments
+    nominal: Fit
+    uncut: Fit
+    form: Engine
+
+    @property
+    def halved(self) -> bool:
+        """Whether some of the segments were halved."""
+        return self.segments.size > len(self.uncut.starts)
+
+
+def longest(machine: Machine, forms: Forms, noise: NoiseModel, too_far: float, known: Lengths | None = None) -> Lengths:
+    """The longest segments over which the nominal stays close enough.
+
+    A segment is halved where the nominal is too far from it, stands out from the others, or where a small error of the
+    initial state grows much.
+
+    Args:
+        machine: model and runs.
+        forms: of the model.
+        noise: of the recordings.
+        too_far: chi2 per degree of freedom.
+        known: what another bar gave, with the same noise.
+    """
+    segments = uncut(machine)
+    if known is None:
+        cheap = [forms.coarse, *([forms.late] if forms.late is not None else [])]
+        fits = [(_nominal(Shooting(one, segments, noise), forms.stiff), one) for one in cheap]
+        best, form = min(fits, key=lambda pair: pair[0].chi2)
+    else:
+        best, form = known.uncut, known.form
+    whole = best
+    while True:
+        bad = _stands_out(best, segments, too_far) | (_growth(best, segments, noise, machine.model.nq) > _GROWTH)
+        long = segments.dt[:, 0] * np.diff(segments.scored, axis=1)[:, 0] > 1.5 * _SHORTEST
+        shorter = halve(segments, bad & long)
+        if shorter.size == segments.size:
+            return Lengths(segments, best, whole, form)
+        best, segments = _nominal(Shooting(form, shorter, noise), forms.stiff, (segments, best)), shorter
+
+
+def nominal_in_brief(machine: Machine, forms: Forms, noise: NoiseModel) -> Lengths | None:
+    """How well the nominal follows brief pieces of the runs; None where rows are too far apart for any."""
+    segments = brief(machine.fit)
+    if segments is None:
+        return None
+    fit = _nominal(Shooting(forms.coarse, segments, noise))
+    return Lengths(segments, fit, fit, forms.coarse)
+
+
+def _stands_out(fit: Fit, segments: Segments, too_far: float) -> NDArray[np.bool_]:
+    """Where a fit is too far off, or much farther than elsewhere, ``(S,)``."""
+    usual = _OUT * float(np.median(fit.per_segment / segments.samples))
+    return segments.far_off(fit.per_segment, min(too_far, max(usual, _OUT_FAR * too_far)))
+
+
+def uncut(machine: Machine) -> Segments:
+    """The segments before any is halved."""
+    return cut(machine.fit, max(SECONDS, ROWS * median_step(machine.fit)), PAD)
+
+
+def _nominal(shooting: Shooting, touches: bool = False, known: tuple[Segments, Fit] | None = None) -> Fit:
+    """The model without effects, roughly.
+
+    It begins where brief pieces lead if something touches, and in segments that are known already, where these ended.
+    """
+    ended = {} if known is None else dict(zip(_places(known[0]), known[1].starts, strict=True))
+    places = _places(shooting.segments)
+    new = shooting.pick(np.array([place not in ended for place in places]))
+    ended |= zip(_places(new.segments), begun(new) if touches else new.engine.starts(new.segments), strict=True)
+    fit = shooting.fit([((), ())], np.array([ended[place] for place in places]), _ROUNDS)[0]
+    return chained(shooting, fit)
+
+
+def _places(segments: Segments) -> list[tuple[int, ...]]:
+    """Run, first row and scored rows of each segment."""
+    return [tuple(place) for place in np.column_stack([segments.run, segments.first, segments.scored]).tolist()]
+
+
+def _growth(fit: Fit, segments: Segments, noise: NoiseModel, nq: int) -> Array:
+    """How much an error of one of nq initial positions grows within each segment, ``(S,)``."""
+    assert fit.design is not None
+    size, channels = segments.size, len(noise.scale)
+    moved = fit.design.reshape(size, -1, channels, fit.design.shape[-1])[..., :nq]
+    return np.asarray(np.abs(moved * noise.innovation[:, None]).max(axis=(1, 2, 3)))

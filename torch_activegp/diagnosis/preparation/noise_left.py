@@ -1,0 +1,190 @@
+"""The noise of recorded positions from what a fit leaves, where that is clearly another than was thought."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from torch_activegp.diagnosis.inputs.runs import Array
+from torch_activegp.diagnosis.noise.floor import finest, hides_filters
+from torch_activegp.diagnosis.noise.model import (
+    SEEN,
+    NoiseModel,
+    colour_scale,
+    high_differences,
+    is_white,
+    likeliest,
+)
+from torch_activegp.diagnosis.shooting.fit import Fit
+from torch_activegp.diagnosis.shooting.likelihood import Shooting
+
+_LESS = 0.9
+"""Noise is taken anew where its variance falls to less than this part: floors are known to a few percent."""
+_FAR_LESS = 0.25
+"""The same where what is left is no noise of any colour, and the closest one stands in for a while."""
+_LEAST = 200
+"""Fewer values of a channel say too little."""
+_SAME_HIGH = (0.8, 1.25)
+"""A colour explains a floor where the variance that it shows to high differences is that of the floor, times this:
+1.0 to 1.15 for filtered noise behind dropped rows, 0.65 to 0.8 for what physics left beside white noise."""
+_FRESH, _LAGS = 0.12, 15
+"""And where what is new correlates with what was new up to so many values before by less: 0.07 for filtered noise, 0.2
+to 0.3 for physics. A periodic error shows after a period."""
+_CHANCE = 4.0
+"""Standard deviations of what chance makes of a correlation."""
+_LOUDER = 1.2
+_AS_LOUD, _SLIGHT = 1.15, 0.4
+"""Floors are known to so much, in variance; the pole of a slight colour."""
+
+
+def noise_behind(
+    shooting: Shooting, fit: Fit, floor: NoiseModel | None = None, last: bool = False
+) -> NoiseModel | None:
+    """Level and colour of what a fit leaves, for the channels where that is clearly not what the noise model says.
+
+    A floor without a model cannot tell a filter's noise from a fast motion: under a tight loop that moves at 10 Hz,
+    recorded at 100 Hz, it was ten times too high in variance, and hid what was weak. What any model leaves bounds the
+    noise from above. Where it is no noise of any colour, and far less than was thought, the closest colour stands in:
+    what was hidden shows, and the noise is looked at again behind it.
+
+    Nor can a floor see a filter in recordings that are slow, short or uneven, or miss rows. What is left may be
+    physics, so noise is louder than the floor in one case alone: there, what is new in what is left is white, and so
+    loud that high differences would show just that floor.
+
+    Args:
+        shooting: the likelihood.
+        fit: the best set.
+        floor: the noise without a model; that of the likelihood where it was not changed.
+        last: whether nobody would look behind it again; then nothing stands in.
+
+    Returns:
+        The noise, or None where it stays as it is in all channels.
+    """
+    old = shooting.noise
+    scale, colour = old.scale.copy(), old.colour.copy()
+    found = False
+    for channel, left in enumerate(_left(shooting, fit)):
+        own, first = _of(old, channel), _of(floor or old, channel)
+        new = _quieter(left, own, first, last)
+        if new is None and (filtered := _filtered(left, own, first)) is not None:
+            new = filtered if hides_filters(shooting.segments.runs, channel) else None
+        if new is not None:
+            found = True
+            scale[channel], colour[channel] = np.sqrt(new[1]) / colour_scale(new[0]), new[0]
+    return NoiseModel(scale, colour) if found else None
+
+
+def recoloured(shooting: Shooting, fit: Fit) -> NoiseModel:
+    """The noise with the colour of what a fit leaves, in channels where that is white noise but for a slight colour.
+
+    A quantised encoder behind a filter leaves neither white noise nor that of any filter, and differences see little of
+    its colour. To a force that is free in time it looked like a fifth of a weak mismatch.
+
+    Args:
+        shooting: the likelihood.
+        fit: the best set.
+    """
+    noise = shooting.noise
+    scale, colour = noise.scale.copy(), noise.colour.copy()
+    for channel, left in enumerate(_left(shooting, fit)):
+        thought, poles = _of(noise, channel), left.colour()
+        new, before = left.innovation(poles), left.innovation(thought.poles)
+        no_louder = not any(thought.poles) and before < _AS_LOUD * thought.innovation
+        slight = 0.0 < poles[0] <= _SLIGHT and poles[1] == 0.0
+        if no_louder and slight and left.is_white_behind(poles):
+            scale[channel], colour[channel] = np.sqrt(new) / colour_scale(poles), poles
+    return NoiseModel(scale, colour)
+
+
+def raised(floor: NoiseModel, noise: NoiseModel) -> NoiseModel:
+    """A floor where another noise is louder: that."""
+    louder = noise.innovation > floor.innovation
+    return NoiseModel(np.where(louder, noise.scale, floor.scale), np.where(louder[:, None], noise.colour, floor.colour))
+
+
+class _Noise(NamedTuple):
+    """That of one channel: its colour, and the variance of what is new."""
+
+    poles: tuple[float, float]
+    innovation: float
+
+
+def _of(noise: NoiseModel, channel: int) -> _Noise:
+    first, second = noise.colour[channel]
+    return _Noise((float(first), float(second)), float(noise.innovation[channel] ** 2))
+
+
+def _quieter(left: _Left, thought: _Noise, floor: _Noise, last: bool) -> _Noise | None:
+    """The noise of a channel where what is left is less than was thought, and no louder than its floor."""
+    poles = left.colour()
+    new, before = left.innovation(poles), left.innovation(thought.poles) / thought.innovation
+    if is_white([*left.fresh(poles)]):
+        gained = left.count * (np.log(thought.innovation / new) + before - 1.0)
+        under = left.innovation(floor.poles) <= floor.innovation
+        fits = under and (thought.innovation < floor.innovation or (before <= 1.0 and new < _LESS * thought.innovation))
+        better = fits and not _LESS < new / thought.innovation < 1.0 / _LESS and gained > SEEN
+    else:
+        better = not last and new < _FAR_LESS * thought.innovation
+    return _Noise(poles, new) if better else None
+
+
+def _filtered(left: _Left, thought: _Noise, floor: _Noise) -> _Noise | None:
+    """The noise of a channel where a filter hides most of it from a floor that took it for white."""
+    poles = left.colour()
+    new = left.innovation(poles)
+    if any(floor.poles) or any(thought.poles) or not any(poles) or new < _LOUDER * thought.innovation:
+        return None
+    shown = new * high_differences(poles) / floor.innovation
+    same = _SAME_HIGH[0] < shown < _SAME_HIGH[1] and left.is_white_behind(poles)
+    return _Noise(poles, new) if same else None
+
+
+def _left(shooting: Shooting, fit: Fit) -> list[_Left]:
+    """What is left of each channel; none where too little is known of it."""
+    predicted, _ = shooting.engine.predict(shooting.segments, fit.starts[None], [fit.candidate])
+    offset = 0.0 if shooting.offset is None else shooting.offset
+    residual, counts = shooting.segments.position - offset - predicted[0], shooting.segments.counts
+    usable = np.asarray(counts[:, 2:] & counts[:, 1:-1] & counts[:, :-2])
+    if usable.sum() < _LEAST or not np.isfinite(residual[counts]).all():
+        return []
+    least = np.minimum(shooting.noise.innovation, finest(shooting.segments.runs)) ** 2
+    freed = shooting.dof / max(shooting.samples, 1)
+    return [_Left(residual[..., c], usable, freed, float(each)) for c, each in enumerate(least)]
+
+
+class _Left:
+    """What is left of one channel.
+
+    Args:
+        series: ``(S, K + 1)``.
+        usable: where a value and the two before it count, ``(S, K - 1)``.
+        freed: degrees of freedom over samples.
+        least: variance of what is new, at least.
+    """
+
+    def __init__(self, series: Array, usable: NDArray[np.bool_], freed: float, least: float) -> None:
+        self._series, self._usable, self._freed, self._least = series, usable, freed, least
+
+    @property
+    def count(self) -> int:
+        """How many values follow two others."""
+        return int(self._usable.sum())
+
+    def colour(self) -> tuple[float, float]:
+        """The likeliest colour."""
+        return likeliest(self.innovation, self.count)
+
+    def fresh(self, poles: tuple[float, float]) -> Array:
+        """What is new in each value, zero where it is not known, ``(S, K - 1)``."""
+        fresh = self._series[:, 2:] - poles[0] * self._series[:, 1:-1] - poles[1] * self._series[:, :-2]
+        return np.where(self._usable, fresh, 0.0)
+
+    def innovation(self, poles: tuple[float, float]) -> float:
+        """Variance of what is new."""
+        return max(float((self.fresh(poles) ** 2).sum() / self._usable.sum()) / self._freed, self._least, 1e-300)
+
+    def is_white_behind(self, poles: tuple[float, float]) -> bool:
+        """Whether what is new is white, strictly."""
+        return is_white([*self.fresh(poles)], max(_FRESH, _CHANCE / np.sqrt(self.count)), _LAGS)

@@ -1,0 +1,294 @@
+"""Which integrator and time step: a difference of discretisation must not become an effect."""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from torch_activegp.diagnosis.inputs.runs import Array
+from torch_activegp.diagnosis.inputs.segments import Segments
+from torch_activegp.diagnosis.noise.model import NoiseModel
+from torch_activegp.diagnosis.preparation.agreement import Rival, bar, first_close, same, settled, unabsorbed
+from torch_activegp.diagnosis.preparation.brief_pieces import left_in_brief
+from torch_activegp.diagnosis.shooting.fit import Fit
+from torch_activegp.diagnosis.shooting.likelihood import Shooting
+from torch_activegp.diagnosis.shooting.score import NOISE_ALONE
+from torch_activegp.diagnosis.simulation.engine import Engine
+from torch_activegp.diagnosis.simulation.forms import Forms
+from torch_activegp.physics.effect import Effect
+
+_PRICE = 20.0
+_FINEST = 2.0
+"""Chi2 by which shorter steps must fit better: they cost time alone."""
+_JUDGES = 16
+_PART = 0.25
+"""Forms are compared on this part of the segments; on fewer, but so many, where they take long (see below)."""
+_MUCH, _CLEARLY = 2.0, 0.25
+"""Where more than this times the noise is left, another form than the model's own must fit better by so much of it:
+one form or the other absorbs some of what is missing by chance."""
+_DISCRETE = 0.03
+"""Part of chi2 by which the model's own time steps must fit better: a machine has none. Dry friction of 0.12 N m was
+found as 0.1165 with steps of 2.5 ms that fitted one run better by a fortieth of its chi2."""
+CREEPS = 12
+"""Rounds for the nominal's fit behind a set: one that is far off creeps, and what is near is fitted once more later."""
+_AFFORDED, _PLENTY = 25e3, 30e3
+"""Where simulating all segments once takes more time steps than this, as many are taken as take so many and leave so
+much chi2 above the noise, of which 0.1 % is 30. A valve of dry friction recorded to 0.05 mrad took 280 thousand."""
+_NEAR, _LOST = 2.0, 4.0
+"""Where a form leaves less than so many times the noise, others that leave so many times as much are given up."""
+_GLANCE, _NO_FARTHER = 6, 1.1
+"""Segments on which the model's own integrator is tried in steps of several lengths, and how much more than the other
+forms the best may leave there to be fitted; where something touches, any form than the best one in brief pieces."""
+_FEW_STEPS = 4.0
+"""What comes late by fewer time steps is seen in shorter ones too: behind steps of 5 ms a lag of 3 ms was a delay."""
+_LIKE_A_TIME_STEP = frozenset({"actuator_delay", "actuator_lag", "sensor_delay"})
+
+
+Sets = Sequence[tuple[Sequence[Effect], Sequence[Array]]]
+Known = tuple[Engine, Shooting]
+
+
+def _without_delays(sets: Sets) -> list[tuple[tuple[Effect, ...], tuple[Array, ...]]]:
+    """The same sets without what a wrong time step looks like."""
+    out = []
+    for effects, values in sets:
+        kept = [(e, v) for e, v in zip(effects, values, strict=True) if e.name not in _LIKE_A_TIME_STEP]
+        if len(kept) < len(effects):
+            out.append((tuple(e for e, _ in kept), tuple(v for _, v in kept)))
+    return out
+
+
+def _otherwise_late(sets: Sets) -> list[tuple[tuple[Effect, ...], tuple[Array, ...]]]:
+    """Those of some sets that differ from the first one only in how or where something comes late."""
+
+    def rest(effects: Sequence[Effect]) -> frozenset[Effect]:
+        return frozenset(effect for effect in effects if effect.name not in _LIKE_A_TIME_STEP)
+
+    first = sets[0][0] if sets else ()
+    if len(rest(first)) == len(first):
+        return []
+    return [(tuple(e), tuple(v)) for e, v in sets[1:] if rest(e) == rest(first) and len(e) > len(rest(e))]
+
+
+class Numerics(Forms):
+    """Chooses among the forms of a model.
+
+    A truth that is integrated more finely than the model looks as if its control came half a time step late. So the
+    model as it is competes with the model nearly continuous in time, before anything is named; and while sets are
+    compared, a coarse form stands for either, with its error taken out (:meth:`Shooting.corrected`).
+    """
+
+    def choose(
+        self,
+        segments: Segments,
+        noise: NoiseModel,
+        near: Fit,
+        nominal: Fit,
+        sets: Sets = (),
+        known: Known | None = None,
+    ) -> tuple[Engine, Shooting, Fit, Fit]:
+        """Takes the form under which the first of some sets, or the nominal, fits better.
+
+        Args:
+            segments: S segments.
+            noise: of the recordings.
+            near: a fit to these segments to begin from.
+            nominal: a fit of the nominal model to begin from.
+            sets: effects and first guesses; the nominal model where there are none.
+            known: an engine under which ``near`` is the fit of the first set already, and its likelihood.
+
+        Returns:
+            The precise engine; the likelihood to compare sets with, over fewer segments where these tell enough; the
+            nominal's fit; the first set's.
+        """
+        loud = known is not None and near.chi2 > NOISE_ALONE * known[1].dof
+        whole, competing = Shooting(self.coarse, segments, noise), self._forms(segments, sets[:1], known, loud)
+        longest = max(competing, key=lambda form: form.steps_in(segments))
+        first, which = whole.subset(max(_JUDGES / segments.size, min(_PART, _affordable(longest, segments))))
+        rough = self._rough(first, near.pick(which), sets[:1])
+        trials = [*_without_delays(sets[:1]), *_otherwise_late(sets)]
+        engine, working, judged = self._race(competing, first, rough, trials, whole.dof)
+        if known is not None and engine is known[0] and judged.effects == near.effects:
+            return *known, nominal, near
+        if first.segments.size < segments.size:
+            part = _telling(whole, working, nominal, nominal.pick(which))
+            near, nominal = near.beginning(which, judged.starts).pick(part), nominal.pick(part)
+            if not np.array_equal(part, which):
+                working = dataclasses.replace(whole.pick(part), engine=working.engine)
+                begin = dataclasses.replace(near, effects=judged.effects, values=judged.values, columns=None)
+                working, judged = self._on_all(working, engine, begin)
+        bare = working.fit([((), ())], nominal.starts, CREEPS, near=nominal)[0] if sets else judged
+        if sets and self.stiff:
+            precise = dataclasses.replace(working, engine=engine, cheap=self.coarse, offset=None)
+            working, bare, judged = _just(working, precise, nominal, bare, judged)
+        return engine, working, bare, judged
+
+    def _rough(self, first: Shooting, here: Fit, sets: Sets) -> Fit:
+        """A fit of a set, where there is one, by the first cheap form that can; with derivatives."""
+        fit = here
+        if sets and tuple(sets[0][0]) != here.effects:
+            for cheap in dict.fromkeys((self.coarse, self.middle, self.given)):
+                fit = dataclasses.replace(first, engine=cheap).fit(sets, here.starts, near=here)[0]
+                if np.isfinite(fit.chi2):
+                    break
+        return fit if fit.design is not None else first.fit([(fit.effects, fit.values)], fit.starts, hold=True)[0]
+
+    def _race(
+        self, competing: Sequence[Engine], first: Shooting, rough: Fit, trials: Sets, dof: int
+    ) -> tuple[Engine, Shooting, Fit]:
+        """The precise form under which a set, or one of some others, fits best; likelihood and fit.
+
+        Args:
+            competing: the forms.
+            first: the likelihood on a part of the segments.
+            rough: a fit of the set there.
+            trials: what may do as well as the set.
+            dof: of all segments.
+        """
+        results, share, least = [], first.dof / dof, np.inf
+        rivals = self._rivals(competing, first, rough)
+        for rival in sorted(rivals, key=lambda rival: rival.left):
+            lost = _LOST * least if least < _NEAR * first.dof else np.inf
+            working, judged = self._working(rival, first, rough, lost)
+            if judged.chi2 > lost:
+                continue
+            least = min(least, judged.chi2)
+            others = working.fit(trials, judged.starts, near=judged) if trials else []
+            best = min([judged, *others], key=lambda fit: fit.chi2 / share + _PRICE * fit.size)
+            cost = self._cost(rival.engine, best, best.chi2 / share, dof)
+            results.append((cost, rival.engine, working, best))
+        return min(results, key=lambda result: result[0])[1:]
+
+    def _rivals(self, competing: Sequence[Engine], first: Shooting, rough: Fit) -> list[Rival]:
+        """The forms to fit.
+
+        Where something touches, those that come close in brief pieces. Else those that compete, and the model's own
+        integrator in steps that come closest, where no other form is closer by far.
+        """
+        own = [form for form in self.own if form not in competing]
+        if self.stiff:
+            leaves = {form: left_in_brief(first, form, rough) for form in (*competing, *own)}
+            near = [form for form, chi2 in leaves.items() if chi2 <= _NO_FARTHER * min(leaves.values())]
+            return [dataclasses.replace(Rival.at(first, form, rough), left=leaves[form]) for form in near]
+        rivals = [Rival.at(first, form, rough) for form in competing]
+        return rivals + self._own_rivals(own, first, rough, min(rival.left for rival in rivals))
+
+    def _own_rivals(self, own: Sequence[Engine], first: Shooting, rough: Fit, left: float) -> list[Rival]:
+        """The one of some forms that comes closest, where none of chi2 `left` is closer by far."""
+        if not own:
+            return []
+        few, which = first.subset(_GLANCE / first.segments.size)
+        closest = min(own, key=lambda form: Rival.at(few, form, rough.pick(which)).left)
+        found = Rival.at(first, closest, rough)
+        return [found] if found.left < _NO_FARTHER * left else []
+
+    def _cost(self, engine: Engine, fit: Fit, chi2: float, dof: int) -> float:
+        """What a fit leaves, with what its parameters and its form must be worth."""
+        price = _PRICE * fit.size + (_FINEST if engine in (*self.short, *self.own) else 0.0)
+        if engine in (self.given, *self.own) and engine is not self.fine:
+            price += _DISCRETE * chi2
+        much = max(chi2 - _MUCH * dof, 0.0)
+        return chi2 + price + (0.0 if engine is self.given else _CLEARLY * much)
+
+    def _forms(self, segments: Segments, sets: Sets, known: Known | None, loud: bool = False) -> list[Engine]:
+        """The precise forms that compete behind a set; the one that was taken before is among them.
+
+        Where that leaves more than the noise, those with short steps are too: MuJoCo's dry friction creeps in long
+        ones, and was found 2 % off by two integrators in steps of 5 ms or of first order.
+        """
+        step = float(np.median(segments.dt)) / self.fine.substeps
+        pairs = [pair for effects, values in sets for pair in zip(effects, values, strict=True)]
+        late = any(effect.name in _LIKE_A_TIME_STEP and value[0] < _FEW_STEPS * step for effect, value in pairs)
+        short = loud or late or any(effect.needs_steps for effect, _ in pairs)
+        held = (self.finest, self.leapt) if short else ()
+        forms = (self.given, self.fine, self.firm, self.firm_leapt, *(known[:1] if known else ()), *held)
+        return [form for form in dict.fromkeys(forms) if form is not None]
+
+    def _working(self, rival: Rival, first: Shooting, rough: Fit, lost: float) -> tuple[Shooting, Fit]:
+        """The cheapest form that stays close to an engine, corrected by it.
+
+        Where something touches, a correction holds for the instants of touching alone that it was made for; there a
+        form must reach the fit that the engine itself reaches.
+        """
+        engine = rival.engine
+        precise = dataclasses.replace(first, engine=engine, cheap=self.coarse)
+        exact = settled(precise, engine, rough, rival.exact, lost)[1] if self.stiff else None
+        if exact is not None and (exact.chi2 > lost or not np.isfinite(exact.chi2)):
+            return precise, exact
+        forms = self._cheap_ones(rival, precise, rough)
+        return first_close(precise, forms, rough, exact, rival.exact, lost)
+
+    def _on_all(self, working: Shooting, engine: Engine, begin: Fit) -> tuple[Shooting, Fit]:
+        """The form that was found on a part of the segments, and the fit to all of them; see :meth:`_working`."""
+        precise = dataclasses.replace(working, engine=engine, cheap=self.coarse)
+        exact = settled(precise, engine, begin)[1] if self.stiff else None
+        if exact is not None and not np.isfinite(exact.chi2):
+            return precise, exact
+        forms = list(dict.fromkeys((working.engine, self.stand_in(engine), engine)))
+        return first_close(precise, forms, exact or begin, exact)
+
+    def _cheap_ones(self, rival: Rival, precise: Shooting, rough: Fit) -> list[Engine]:
+        """What may stand in for an engine, the engine itself last: first the cheapest that is close where they begin.
+
+        On a stiff machine, where nothing is close before it is fitted, from the cheapest on.
+        """
+        cheap = list(dict.fromkeys((self.coarse, self.late or self.coarse, self.stand_in(rival.engine), rival.engine)))
+        if self.stiff or len(cheap) < 3:
+            return cheap
+        most = bar(precise, rough)
+
+        def far(engine: Engine) -> float:
+            working = dataclasses.replace(precise, engine=engine).corrected(rival.engine, rough, rival.exact)
+            error = unabsorbed(working, rough) if working.offset is not None else most
+            return error if error >= most else 0.0
+
+        return [*sorted(cheap[:-1], key=far), cheap[-1]]
+
+
+def _affordable(engine: Engine, segments: Segments) -> float:
+    """The share of some segments that an engine simulates in time, at least two of each run."""
+    return max(_AFFORDED / engine.steps_in(segments), max(_JUDGES, 2 * len(segments.runs)) / segments.size)
+
+
+def _telling(whole: Shooting, working: Shooting, nominal: Fit, here: Fit) -> NDArray[np.int64]:
+    """Segments, evenly spread, that tell enough where simulating all takes long; else all.
+
+    Args:
+        whole: the likelihood over all segments.
+        working: that over some, by the form to simulate with.
+        nominal: a fit of the nominal to all, by any form.
+        here: the same fit over those of `working`.
+    """
+    segments = whole.segments
+    share = _affordable(working.engine, segments)
+    if share >= 1.0:
+        return np.arange(segments.size)
+    bare = working.fit([((), ())], here.starts, CREEPS, near=here)[0]  # discretisation alone tells nothing
+    excess = (min(bare.chi2, nominal.chi2 * working.dof / whole.dof) - working.dof) * whole.dof / working.dof
+    return whole.subset(min(max(share, _PLENTY / max(excess, 1.0)), 1.0))[1]
+
+
+def _just(working: Shooting, precise: Shooting, nominal: Fit, bare: Fit, judged: Fit) -> tuple[Shooting, Fit, Fit]:
+    """The likelihood, and fits of the nominal and of a set, by a form that does justice to the nominal too.
+
+    Where something touches, a correction that was made for the set is wrong at the instants at which the nominal
+    touches: the nominal left 1.17 of the noise for 0.86 so, and a stop was named that explained the difference.
+
+    Args:
+        working: the likelihood by a form, corrected by the precise one behind the set.
+        precise: that by the precise form.
+        nominal: a fit of the nominal, whose states the precise form does not need to move.
+        bare: the nominal's fit by the form.
+        judged: the set's.
+    """
+    if working.engine is precise.engine:
+        return working, bare, judged
+    most = float((precise.residuals(precise.predicted(nominal)) ** 2).sum())
+    if not np.isfinite(most) or bare.chi2 < most + same(precise, most):
+        return working, bare, judged
+    first, other = (precise.fit([(fit.effects, fit.values)], fit.starts, near=fit)[0] for fit in (nominal, judged))
+    sound = np.isfinite(first.chi2) and np.isfinite(other.chi2)
+    return (precise, first, other) if sound else (working, bare, judged)

@@ -1,0 +1,125 @@
+"""Develops a set: what comes on top of it, what is simpler, and what other initial states alone would gain."""
+
+from __future__ import annotations
+
+import dataclasses
+import functools
+from collections.abc import Sequence
+
+import numpy as np
+
+from torch_activegp.diagnosis.selection.compared import NEARLY, Selection, compare
+from torch_activegp.diagnosis.selection.heats import CLOSE, heat, seen_on
+from torch_activegp.diagnosis.selection.proposals import (
+    MOST,
+    Set,
+    also_from,
+    companies,
+    diverse,
+    join,
+    richer,
+    simpler,
+    with_values,
+    without_weak,
+)
+from torch_activegp.diagnosis.selection.prospects import MAX_EFFECTS
+from torch_activegp.diagnosis.selection.repeated import repeated
+from torch_activegp.diagnosis.selection.screening import Atom, Screen, allowed, screen
+from torch_activegp.diagnosis.selection.stand_ins import forms_of_parts
+from torch_activegp.diagnosis.selection.tuning import beside, undone
+from torch_activegp.diagnosis.shooting.chaining import borrowed
+from torch_activegp.diagnosis.shooting.fit import Fit
+from torch_activegp.diagnosis.shooting.likelihood import Shooting
+from torch_activegp.diagnosis.shooting.score import Score
+from torch_activegp.physics.effect import Effect
+
+_CHEAP = 60
+"""So many fits of one segment cost little: where there are few segments, more is fitted than looks best."""
+_COMPANY = 40
+_ROUNDS = 20
+_MORE = 20.0
+_SOME = 1.0
+"""`NEARLY` for the nominal: on a machine that strikes, at 50 Hz, a friction seemed to gain 0.5."""
+
+
+def expand(selection: Selection, shooting: Shooting, effects: Sequence[Effect], fit: Fit, work: float = np.inf) -> None:
+    """Fits the most promising sets that contain a fit and something more; these end where so much is computed in all.
+
+    As much again as a whole search may: where joints stick, 18 sets around nothing took 60 million time steps.
+    """
+    part, here = seen_on(shooting, fit, selection.score)
+    screened = screen(part, here, allowed(effects, fit)).times(shooting.segments.size / part.segments.size)
+    most = max(MOST, _CHEAP // shooting.segments.size)
+    proposed = [*_proposals(selection, fit, screened, most), *richer(fit, effects)]
+    if selection.score.names_in(fit.effects) < len(fit.effects):
+        proposed += undone(fit, screened, selection.score.a_parameter * selection.score.scale)
+    known = {frozenset(f.effects) for f in selection.fits}
+    fresh = heat(shooting, [p for p in proposed if frozenset(p[0]) not in known], fit, selection.score)
+    compare(shooting, selection, fresh.sets, fit, race=work, below=fit, starts=fresh.starts)
+
+
+def simplify(selection: Selection, shooting: Shooting, effects: Sequence[Effect]) -> None:
+    """Tries the best set without each of its effects, and with simpler laws or other forms in their place."""
+    best = selection.best
+    if selection.was_simplified():
+        return
+    known: dict[frozenset[Effect], float] = {}
+    for fit in selection.fits:
+        known[frozenset(fit.effects)] = min(fit.chi2, known.get(frozenset(fit.effects), np.inf))
+    score = selection.score
+    sets = simpler(best, effects, known, best.chi2 + CLOSE * score.scale, score.free)
+    fewer = without_weak(best, lambda effect: score.scale * score.price([effect]))
+    sets += [fewer] if fewer and frozenset(fewer[0]) not in known else []
+    for some in (sets, forms_of_parts(selection, effects, known)):  # each among its like: these begin far off
+        passed = heat(shooting, some, best, score)
+        compare(shooting, selection, passed.sets, best, rounds=_ROUNDS, starts=passed.starts)
+
+
+def be_fair(selection: Selection, shooting: Shooting) -> None:
+    """Fits the nominal, and the best set without each name, once more with its states where it gains little on them.
+
+    Other states may be all that gains: on a joint that sticks, or on the other side of an impact.
+    """
+    best, nominal = selection.best, selection.nominal
+    if not best.effects or best is selection.beside:
+        return
+    selection.beside = best
+    parts = [(), *(tuple(e for e in best.effects if e is not one) for one in best.effects if len(best.effects) > 1)]
+    known = [nominal if not part else selection.of(part) for part in parts]
+    again = [
+        borrowed(shooting, fit, best)
+        for fit in known
+        if fit is not None and fit.chi2 - best.chi2 < (NEARLY if fit.effects else _SOME) * shooting.dof
+    ]
+    selection.add([fit for fit in again if fit.effects and fit not in known])
+    bare = next((fit for fit in again if not fit.effects), nominal)
+    if bare.chi2 < nominal.chi2:
+        selection.nominal, selection.fits = bare, [bare if fit is nominal else fit for fit in selection.fits]
+    if again:
+        selection.rescale(shooting.dof)
+
+
+def _proposals(selection: Selection, fit: Fit, screened: Screen, most: int) -> list[Set]:
+    """The most promising sets that contain one more effect, or several where these help together."""
+
+    def worth(score: Score, atoms: tuple[Atom, ...]) -> float:
+        gain = screened.joint_gain(atoms) if len(atoms) > 1 else atoms[0].gain
+        return gain / score.scale - score.price([a.effect for a in atoms])
+
+    best = screened.best()
+    singles = [a for a in best[: 4 * most] if worth(selection.score, (a,)) > 0.0]
+    singles.sort(key=lambda a: -worth(selection.score, (a,)))
+    chosen: list[Sequence[Atom]] = [(a,) for a in diverse(singles, most)]
+    lenient = functools.cache(functools.partial(worth, selection.score.before_any_fit(selection.nominal)))
+    together = companies(best[:_COMPANY], lenient, MAX_EFFECTS - selection.score.names_in(fit.effects), _MORE)
+    together += repeated(fit, screened, lenient, _MORE)
+    chosen += [with_values(company, screened.together(company)[1]) for company in together]
+    if not fit.effects:
+        gains = [screened.joint_gain(company) for company in together]
+        alone = max((a.gain for a in singles), default=0.0)
+        hidden = beside(screened, selection.score.a_parameter, alone, max([alone, *gains]))
+        if hidden:
+            free = frozenset(atom.effect.key for atom in screened.atoms if atom.effect.tunable)
+            selection.score = dataclasses.replace(selection.score, free=free)
+        chosen += hidden
+    return [join(fit, some) for atoms in chosen for some in also_from(atoms)]

@@ -1,0 +1,257 @@
+"""From runs to the set of effects that explains them: noise, numerics, length of segments, selection."""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Callable, Sequence
+
+import numpy as np
+
+from torch_activegp.diagnosis.checkpoint import Checkpoint
+from torch_activegp.diagnosis.inputs.machine import Machine
+from torch_activegp.diagnosis.inputs.segments import Segments
+from torch_activegp.diagnosis.noise.floor import noise_floor
+from torch_activegp.diagnosis.noise.model import NoiseModel
+from torch_activegp.diagnosis.preparation.brief_pieces import closest
+from torch_activegp.diagnosis.preparation.given_numerics import GivenNumerics
+from torch_activegp.diagnosis.preparation.lengths import Lengths, longest
+from torch_activegp.diagnosis.preparation.noise_left import noise_behind, raised
+from torch_activegp.diagnosis.preparation.numerics import CREEPS, Numerics, Sets
+from torch_activegp.diagnosis.selection.compared import Selection
+from torch_activegp.diagnosis.selection.corrections import correct_alike
+from torch_activegp.diagnosis.selection.first_names import Naming, besides, in_brief_pieces, is_of, leaders, on_a_part
+from torch_activegp.diagnosis.selection.polish import polish
+from torch_activegp.diagnosis.selection.prospects import hopeless
+from torch_activegp.diagnosis.selection.search import select
+from torch_activegp.diagnosis.selection.weak import also_weak
+from torch_activegp.diagnosis.shooting.fit import Fit
+from torch_activegp.diagnosis.shooting.likelihood import Shooting
+from torch_activegp.diagnosis.shooting.score import NOISE_ALONE
+from torch_activegp.diagnosis.simulation.engine import Engine
+from torch_activegp.errors import SimulationError
+from torch_activegp.physics.effect import Effect
+
+_FAR = 60.0
+"""Segments are shortened for the first names until the nominal's chi2 is below so much per degree of freedom."""
+_TOO_FAR = 400.0
+"""The same for the names in the end."""
+_LED = 3.0
+"""Times the noise up to which names found in brief pieces need no part of the data any more."""
+_LIKE = 1.5
+"""Numerics are not chosen again for noise of the same colour that differs by less than this factor."""
+_ANEW = 3
+"""How often noise is taken anew behind what all data say."""
+_AGAIN = 3
+"""How often numerics are looked at again behind new names."""
+
+
+@dataclasses.dataclass(frozen=True)
+class Explanation:
+    """The sets that were compared, and what they were compared with.
+
+    Args:
+        engine: the precise simulation.
+        shooting: the likelihood in the end.
+        selection: the sets.
+        effects: all that was tried.
+        fine: whether the model was integrated in another way than it says.
+        firm: whether the dry friction of its own joints stuck firmly.
+    """
+
+    engine: Engine
+    shooting: Shooting
+    selection: Selection
+    effects: tuple[Effect, ...]
+    fine: bool
+    firm: bool = False
+
+
+Tell = Callable[[str], None]
+
+
+@dataclasses.dataclass(frozen=True)
+class _Start:
+    """What naming on all data begins from: numerics, likelihood, fits of the nominal and of a set, more sets.
+
+    And the noise by which the numerics were chosen, which may be an earlier one than the likelihood's.
+    """
+
+    engine: Engine
+    shooting: Shooting
+    nominal: Fit
+    sets: Sets
+    first: Fit
+    free: frozenset[tuple[str, str]]
+    noise: NoiseModel
+
+
+def explain(
+    machine: Machine,
+    effects: Sequence[Effect],
+    nthread: int = 0,
+    tell: Tell = lambda _: None,
+    checkpoint: Checkpoint | None = None,
+) -> Explanation:
+    """Names what the model leaves out.
+
+    Args:
+        machine: model and runs.
+        effects: what is tried.
+        nthread: threads of the simulations; 0 for all cores.
+        tell: hears what is being done.
+        checkpoint: keeps finished stages.
+    """
+    numerics = (Numerics if machine.box is None else GivenNumerics).of(machine, nthread)
+    keep = checkpoint or Checkpoint()
+    keep.share([*numerics.all, *machine.fit, *(form for effect in effects for form in effect.family())])
+    tell("noise floor")
+    noise = noise_floor(machine.fit)
+    numerics = dataclasses.replace(numerics, coarse=closest(numerics, machine, noise))
+
+    def begin() -> _Start:
+        long = keep.once("length of segments", lambda: longest(machine, numerics, noise, _FAR))
+        return _start(machine, numerics, noise, effects, long, tell)
+
+    def select_from(start: _Start) -> Selection:
+        return select(start.shooting, effects, start.nominal, start.sets, start.first, tell, start.free)
+
+    def name() -> tuple[_Start, Selection]:
+        start = keep.once("naming on a part of the data", begin)
+        first = start.first
+        floor = raised(noise, start.noise)
+        if first.effects and (other := noise_behind(start.shooting, first, floor)) is not None:
+            floor = raised(floor, other)
+            start = _with_noise(machine, numerics, start, first, start.sets, start.free, other, tell)
+        tell("naming on all data")
+        selection = select_from(start)
+        for number in range(_ANEW):
+            other = noise_behind(start.shooting, selection.best, floor, last=number == _ANEW - 1)
+            if other is None:
+                break
+            floor = raised(floor, other)
+            best, free = selection.best, selection.score.free
+            start = _with_noise(machine, numerics, start, best, besides(leaders(selection), best), free, other, tell)
+            selection = select_from(start)
+        return start, selection
+
+    def finish() -> Explanation:
+        return _finish(numerics, effects, *keep.once("naming on all data", name), tell)
+
+    return keep.once("naming", finish)
+
+
+def _start(
+    machine: Machine,
+    numerics: Numerics,
+    noise: NoiseModel,
+    effects: Sequence[Effect],
+    long: Lengths,
+    tell: Tell,
+) -> _Start:
+    """Names on a part of the data where there is much to explain, and in brief pieces before where it is very much."""
+    segments, first = long.segments, long.nominal
+    far = bool(first.chi2 > _TOO_FAR * segments.counts.sum() * segments.position.shape[-1])
+    hint = in_brief_pieces(machine, numerics, noise, effects, tell) if far else None
+    sets, free = (hint.sets, hint.free) if hint is not None else ([], frozenset())
+    naming = Naming(*numerics.choose(segments, noise, first, first, sets), sets, free)
+    if not sets and (other := noise_behind(naming.shooting, naming.judged, noise, last=True)) is not None:
+        noise, long = other, longest(machine, numerics, other, _FAR)
+        segments, first = long.segments, long.nominal
+        naming = Naming(*numerics.choose(segments, noise, first, first))
+    engine, shooting, nominal, judged = naming.engine, naming.shooting, naming.nominal, naming.judged
+    _refuse_failed(shooting.segments, nominal, judged)
+    if naming.wants_a_part and not (hint is not None and judged.chi2 < _LED * shooting.dof):
+        tell("naming on a part of the data")
+        naming = on_a_part(naming, numerics, noise, effects, tell)
+        engine, shooting, nominal, judged = naming.engine, naming.shooting, naming.nominal, naming.judged
+        sets, lost = naming.sets, naming.lost
+        used = shooting.segments
+        near = long.halved and bool(used.far_off(nominal.per_segment, _FAR / 4).any())
+        fewer = longest(machine, numerics, noise, _TOO_FAR, long) if near else long
+        longer = fewer.segments.size < segments.size
+        if longer:
+            used, nominal = fewer.segments, fewer.nominal
+        if longer or (naming.best != frozenset(judged.effects) and not lost):
+            engine, shooting, nominal, judged = numerics.choose(used, noise, nominal, nominal, [] if lost else sets)
+    return _Start(engine, shooting, nominal, besides(sets, judged), judged, naming.free, noise)
+
+
+def _with_noise(
+    machine: Machine,
+    numerics: Numerics,
+    start: _Start,
+    best: Fit,
+    rest: Sets,
+    free: frozenset[tuple[str, str]],
+    noise: NoiseModel,
+    tell: Tell,
+) -> _Start:
+    """What naming begins from where what is left shows that the noise is another one.
+
+    Numerics are judged by it too, unless it is much like the one that they were chosen by, behind a set that holds this
+    one; from where the best set was fitted, for a stop that begins elsewhere may end anywhere, by any form.
+    """
+    tell("naming with the noise seen behind the effects")
+    segments, nominal = start.shooting.segments, start.nominal
+    sets: Sets = [*([(best.effects, best.values)] if best.effects else []), *rest]
+    loud = float((start.shooting.noise.innovation / noise.innovation).max())
+    far = bool(segments.far_off(nominal.per_segment * loud**2, _TOO_FAR).any())
+    near, nominal = best.without_derivatives, nominal.without_derivatives  # which are those of the other noise
+    known = bool(sets and np.isfinite(start.first.chi2)) and set(sets[0][0]) <= set(start.first.effects)
+    if not far and known and _alike(noise, start.noise):
+        shooting = dataclasses.replace(start.shooting, noise=noise)
+        bare = shooting.fit([((), ())], nominal.starts, CREEPS, near=nominal)[0]
+        judged = shooting.fit(sets[:1], near.starts, near=near)[0]
+        return _Start(start.engine, shooting, bare, besides(sets, judged), judged, free, start.noise)
+    if far:
+        longer = longest(machine, numerics, noise, _TOO_FAR)
+        segments, nominal = longer.segments, longer.nominal
+        near = nominal
+    engine, shooting, nominal, judged = numerics.choose(segments, noise, near, nominal, sets)
+    return _Start(engine, shooting, nominal, besides(sets, judged), judged, free, noise)
+
+
+def _finish(
+    numerics: Numerics, effects: Sequence[Effect], start: _Start, selection: Selection, tell: Tell
+) -> Explanation:
+    """Looks at the numerics once more behind the effects, unless chosen behind just these, or these explain little."""
+    engine, shooting, nominal, judged = start.engine, start.shooting, start.nominal, start.first
+    for _ in range(_AGAIN):
+        best, first = selection.best, leaders(selection)
+        quiet = best.chi2 < NOISE_ALONE * shooting.dof
+        settled = not best.effects or (is_of(judged, best.effects) and quiet)
+        lost = (selection.cut_short and not quiet) or hopeless(selection, shooting)
+        if not (settled or lost):
+            known = (engine, shooting)
+            again, other, bare, judged = numerics.choose(shooting.segments, shooting.noise, best, nominal, first, known)
+            if again is not engine:
+                engine, shooting, nominal = again, other, bare
+                tell("naming with the numerics seen behind the effects")
+                rest = besides(first, judged)
+                selection = select(shooting, effects, bare, rest, judged, tell, selection.score.free)
+        weak = also_weak(shooting, selection, effects, tell)
+        if weak is selection:
+            break
+        selection = weak
+    correct_alike(selection, shooting, effects)
+    polish(shooting, selection, effects)
+    fine, firm = engine is not numerics.given, numerics.sticks(engine)
+    return Explanation(engine, shooting, selection, tuple(effects), fine, firm)
+
+
+def _refuse_failed(segments: Segments, nominal: Fit, judged: Fit) -> None:
+    """Raises a `SimulationError` where nothing can be compared: the simulation fails without effects, and with some."""
+    if np.isfinite(nominal.chi2) or np.isfinite(judged.chi2):
+        return
+    worst = int(np.argmax(nominal.per_segment))
+    run, first = segments.runs[segments.run[worst]], segments.first[worst]
+    raise SimulationError(
+        f"diagnose: the simulator fails in {run.label} after {run.time[first]:.3g} s (its state is no number, or a "
+        "warning was raised). Its forecasts begin at the recorded positions there: check that it can simulate them."
+    )
+
+
+def _alike(one: NoiseModel, other: NoiseModel) -> bool:
+    """Whether two noises are of the same colour in all channels, and about as loud."""
+    change = np.abs(np.log(one.innovation / other.innovation)).max()
+    return bool(np.array_equal(one.colour, other.colour) and change < np.log(_LIKE))

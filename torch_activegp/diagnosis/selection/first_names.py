@@ -1,0 +1,141 @@
+"""The first names: found on a part of the data, and where the nominal is far off, in brief pieces of it before."""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Callable, Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from torch_activegp.diagnosis.inputs.machine import Machine
+from torch_activegp.diagnosis.noise.model import NoiseModel
+from torch_activegp.diagnosis.preparation.lengths import nominal_in_brief
+from torch_activegp.diagnosis.preparation.numerics import Numerics, Sets
+from torch_activegp.diagnosis.selection.compared import Selection
+from torch_activegp.diagnosis.selection.prospects import hopeless, leaves_most
+from torch_activegp.diagnosis.selection.search import Depth, select
+from torch_activegp.diagnosis.shooting.fit import Fit
+from torch_activegp.diagnosis.shooting.likelihood import Shooting
+from torch_activegp.diagnosis.shooting.score import NOISE_ALONE
+from torch_activegp.diagnosis.simulation.engine import Engine
+from torch_activegp.physics.effect import Effect
+
+FEWEST = 12
+"""Segments on which first names are found: six of twenty led astray where three effects are hidden."""
+_ENOUGH = 600.0
+"""Chi2 above the noise by which the first names are found, on a part of the data where there is twice as much."""
+_LEADS = 10.0
+"""Times the noise that names found in brief pieces may leave to lead anywhere. What a machine remembers for longer, as
+where in its gap a motor was, is not in them: a backlash left 68 times the noise, and what came on top led astray."""
+_GLANCE = Depth(rounds=1, stepwise=False)
+"""For names behind which numerics are chosen: under the wrong ones, names one after another are wrong too. On an arm in
+steps of 5 ms they took 60 s behind a backlash, and were delays of half a step."""
+
+Tell = Callable[[str], None]
+
+
+@dataclasses.dataclass(frozen=True)
+class Naming:
+    """Where naming stands.
+
+    Args:
+        engine: the precise simulation.
+        shooting: the likelihood to compare sets with.
+        nominal: the fit without effects.
+        judged: the fit of the set behind which the numerics were chosen.
+        sets: the best so far, with first guesses.
+        free: what seemed to be tuned, :attr:`Score.free`.
+        best: the effects of the best set.
+        lost: whether what was found leaves nearly all.
+    """
+
+    engine: Engine
+    shooting: Shooting
+    nominal: Fit
+    judged: Fit
+    sets: Sets = dataclasses.field(default_factory=list)
+    free: frozenset[tuple[str, str]] = frozenset()
+    best: frozenset[Effect] = frozenset()
+    lost: bool = False
+
+    @property
+    def wants_a_part(self) -> bool:
+        """Whether a part of the data is enough for the first names."""
+        left = min(self.nominal.chi2, self.judged.chi2)
+        much = 2 * _ENOUGH < left - self.shooting.dof < np.inf
+        return bool(much) and self.shooting.segments.size > FEWEST
+
+
+def in_brief_pieces(
+    machine: Machine, numerics: Numerics, noise: NoiseModel, effects: Sequence[Effect], tell: Tell
+) -> Naming | None:
+    """Names found in pieces so brief that the nominal cannot go far astray; None where too little is seen in them.
+
+    Where joints stick, or with noise of a thousandth of the mismatch, a linearisation over a quarter of a second says
+    nothing: on a lift with three effects a search took 200 s and led anywhere. In pieces of 60 ms the nominal is off by
+    6 of the noise for 4700, and the right names come first.
+    """
+    first = nominal_in_brief(machine, numerics, noise)
+    if first is None:
+        return None
+    tell("naming in brief pieces")
+    naming = Naming(*numerics.choose(first.segments, noise, first.nominal, first.nominal))
+    return on_a_part(naming, numerics, noise, effects, tell, _LEADS) if naming.wants_a_part else None
+
+
+def on_a_part(
+    naming: Naming, numerics: Numerics, noise: NoiseModel, effects: Sequence[Effect], tell: Tell, most: float = np.inf
+) -> Naming:
+    """Names on a part of the data; the numerics are looked at once more behind the first of them.
+
+    Args:
+        naming: with sets to begin from, if there are any.
+        numerics: the forms of the model.
+        noise: of the recordings.
+        effects: what is tried.
+        tell: hears what is being done.
+        most: times the noise that the first of them may leave; else nothing is named.
+    """
+    shooting, nominal, free = naming.shooting, naming.nominal, naming.free
+    part, which = _part(shooting, nominal)
+    here = nominal.pick(which)
+    rough = part.fit([((), ())], here.starts, near=here)[0]
+    chosen = select(part, effects, rough, naming.sets, tell=tell, free=free, depth=_GLANCE)
+    if chosen.score.scale > most:
+        return naming
+    if chosen.best.effects and chosen.score.scale > NOISE_ALONE:
+        sets, free, seen = leaders(chosen), chosen.score.free, chosen.best
+        if not leaves_most(chosen, part):  # behind them another form may agree better
+            engine, shooting, nominal, judged = numerics.choose(shooting.segments, noise, nominal, nominal, sets)
+            naming = dataclasses.replace(naming, engine=engine, shooting=shooting, nominal=nominal, judged=judged)
+            part, which = _part(shooting, nominal)
+            rough, there = nominal.pick(which), judged.pick(which)
+            seen = part.fit([(there.effects, there.values)], there.starts, near=there)[0]
+        others = besides(sets, seen)
+        chosen = select(part, effects, rough, others, seen, tell, free, Depth(swaps=0))  # swaps come with all data
+    best, lost = frozenset(chosen.best.effects), hopeless(chosen, part)
+    return dataclasses.replace(naming, sets=leaders(chosen), free=chosen.score.free, best=best, lost=lost)
+
+
+def _part(shooting: Shooting, nominal: Fit) -> tuple[Shooting, NDArray[np.int64]]:
+    """The likelihood over so much of the data as the first names want, and which segments."""
+    excess = max(nominal.chi2 - shooting.dof, _ENOUGH)
+    return shooting.subset(max(_ENOUGH / excess, 0.2, FEWEST / shooting.segments.size))
+
+
+def leaders(selection: Selection) -> Sets:
+    """The best sets with effects: three at most, and none that more data cannot bring to the front."""
+    far = selection.score(selection.best) + selection.score.slack
+    near = [fit for fit in selection.ranked()[:3] if selection.score(fit) <= far]
+    return [(fit.effects, fit.values) for fit in near if fit.effects]
+
+
+def is_of(judged: Fit, effects: Sequence[Effect]) -> bool:
+    """Whether a fit is of a set; one that failed is of none."""
+    return bool(np.isfinite(judged.chi2)) and frozenset(judged.effects) == frozenset(effects)
+
+
+def besides(sets: Sets, judged: Fit) -> Sets:
+    """Those of some sets that a fit is not of."""
+    return [some for some in sets if not is_of(judged, some[0])]

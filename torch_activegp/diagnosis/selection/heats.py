@@ -1,0 +1,112 @@
+"""Sets tried on a part of the data first: most that look promising to first order need no fit to all of it."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from torch_activegp.diagnosis.inputs.runs import Array
+from torch_activegp.diagnosis.selection.proposals import Set
+from torch_activegp.diagnosis.shooting.fit import Fit
+from torch_activegp.diagnosis.shooting.likelihood import Shooting
+from torch_activegp.diagnosis.shooting.race import Race
+from torch_activegp.diagnosis.shooting.score import Score
+
+PART = 0.2
+"""Least share of the segments."""
+CLOSE = 40.0
+"""Chi2 by which a set that costs no more may fit worse on the part and be tried on all data."""
+_CLEAR = 100.0
+"""What a set must gain on all data is to be as much on the part: far above the noise of a gain."""
+_LENIENT = 0.3
+"""And so much of it is enough there: effects act more in some segments than in others."""
+_FIRST, _CLOSE, _NEAR = 3, 60.0, 0.1
+"""So many sets pass in any case, and those that are behind the best by less chi2, or by less of what the best gains."""
+
+
+class Heat(NamedTuple):
+    """What passed.
+
+    Args:
+        sets: effects and first guesses.
+        starts: initial states to begin from, one for each set, ``(N, S, nq + nv)``: in the segments of the part those
+            found there. A set that was found there fitted all data worse than the nominal from the nominal's states.
+    """
+
+    sets: list[Set]
+    starts: Array
+
+
+def heat(shooting: Shooting, sets: Sequence[Set], fit: Fit, score: Score) -> Heat:
+    """Those of some sets that gain on a part of the data about what they must gain on all of it.
+
+    Half of the part are the segments that the fit explains worst. Where little is missing all data are needed to see
+    it, and all sets pass. Sets that cost less than the fit may lose there what they save.
+
+    Args:
+        shooting: the likelihood.
+        sets: what is proposed, with first guesses.
+        fit: what they are to be better than.
+        score: what they must gain.
+
+    Returns:
+        The sets; those that were tried have the parameters and states found on the part.
+    """
+    every = Heat(list(sets), np.repeat(fit.starts[None], len(sets), axis=0))
+    paid = score.price(fit.effects)
+    priced = [(some, score.price(some[0]) - paid) for some in sets]
+    tried = [(some, price) for some, price in priced if price > _CLEAR or price < 0.0]
+    if not tried:
+        return every
+    share = max(_CLEAR / min((price for _, price in tried if price > 0.0), default=np.inf), PART)
+    part, which = shooting.subset(share, fit.per_segment)
+    if part.segments.size == shooting.segments.size:
+        return every
+    share = part.segments.size / shooting.segments.size
+    bars = [score.scale * (-share * price + CLOSE if price < 0.0 else -_LENIENT * share * price) for _, price in tried]
+    passed = near(part, which, [some for some, _ in tried], fit, bars)
+    cheap = [some for some, price in priced if 0.0 <= price <= _CLEAR]
+    return Heat([*cheap, *passed.sets], np.concatenate([every.starts[: len(cheap)], passed.starts]))
+
+
+def seen_on(shooting: Shooting, fit: Fit, score: Score) -> tuple[Shooting, Fit]:
+    """A part of the data on which what is worth a name on all of them stands out, and the fit there.
+
+    Half of them are those that the fit explains worst. All where little is missing; on top of the nominal; and where
+    something is tuned, for its corrections cost little more than what noise gains.
+    """
+    least = 0.0 if score.free or not fit.effects else score.cheapest
+    if least <= _CLEAR:
+        return shooting, fit
+    part, which = shooting.subset(max(_CLEAR / least, PART), fit.per_segment)
+    return part, fit.pick(which)
+
+
+def near(part: Shooting, which: NDArray[np.int64], sets: Sequence[Set], fit: Fit, bars: Sequence[float]) -> Heat:
+    """Those of some sets whose chi2 on a part of the data is below that of a fit and a bar on top, one for each.
+
+    And, with that bar, among the best three or close to the best: others hardly become the best on all data.
+
+    Args:
+        part: the likelihood over some of the S segments.
+        which: of all these are, ``(S',)``.
+        sets: N proposals, with first guesses.
+        fit: to all segments.
+        bars: chi2, N of them.
+
+    Returns:
+        The sets with the parameters and states found on the part.
+    """
+    here = fit.pick(which)
+    trials = part.fit(sets, here.starts, race=Race(), near=here, below=here)
+    levels = np.array([trial.chi2 - bar for trial, bar in zip(trials, bars, strict=True)])
+    best = np.sort(levels)[:_FIRST]
+    close = best[0] + max(_CLOSE, _NEAR * (here.chi2 - best[0])) if len(best) else 0.0
+    passed = [trials[i] for i in np.flatnonzero((levels < here.chi2) & (levels <= max(close, *best)))]
+    starts = np.repeat(fit.starts[None], len(passed), axis=0)
+    for states, trial in zip(starts, passed, strict=True):
+        states[which] = trial.starts
+    return Heat([(trial.effects, trial.values) for trial in passed], starts)

@@ -1,0 +1,255 @@
+"""From compared sets to a verdict: how sure, what else, what is left."""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+from collections.abc import Sequence
+
+import numpy as np
+from scipy import stats
+
+from torch_activegp.diagnosis.preparation.noise_left import recoloured
+from torch_activegp.diagnosis.selection.compared import Selection, fitted
+from torch_activegp.diagnosis.selection.intervals import is_certain
+from torch_activegp.diagnosis.selection.prospects import MAX_EFFECTS
+from torch_activegp.diagnosis.selection.ties import swapped, ties_of
+from torch_activegp.diagnosis.selection.tuning import is_a_tuning
+from torch_activegp.diagnosis.shooting.elimination import eliminate, scaled
+from torch_activegp.diagnosis.shooting.fit import Fit
+from torch_activegp.diagnosis.shooting.likelihood import Shooting
+from torch_activegp.diagnosis.shooting.reference import free_force_columns
+from torch_activegp.physics.effect import Effect
+
+LEAST_SHARE = 0.002
+"""What explains less of the mismatch stays in the correction and is not named, unless it is much of what is left."""
+INADEQUATE = 0.15
+"""A set that leaves more of the mismatch than this does not explain it."""
+SEEN = 0.06
+"""The same where what is left is large against the noise too. One or two right names leave up to 0.053, and a name that
+stands for what is not on the list 0.065."""
+MANY, SEEN_BEHIND_MANY = 3, 0.03
+"""The same behind so many names: together they imitate much that is not on the list. Right ones left up to 0.01."""
+LOUD, SEEN_LOUD = 5.0, 0.01
+"""The same where it is so many times the noise. A real drive's right names left 0.001; what left more were a stop where
+nothing was missing, and a load of 40 times the machine for a motor that was wired the other way round."""
+CROWDED = 0.04
+"""The same where as many names as are tried leave it."""
+OVERCROWDED = 0.001
+"""The same where there are more names: those of a nominal that was tuned badly leave next to nothing."""
+SOME_NOISE = 0.1
+"""And what they leave is so large a part of the noise: four right names behind filtered noise left 0.05 of it, 6 % of a
+mismatch of 0.8."""
+SEEN_IN_VAIN = 0.03
+"""The same where the search was cut short: after so much of it, nothing on the list leaves noise alone. A friction that
+grows with the load left 0.09 behind Stribeck friction and a spring, at 50 Hz."""
+SURE = 1e-5
+DOUBT = 0.01
+VISIBLE = 0.3
+"""A mismatch without any name must be this large a part of the noise: floors are known no better."""
+VISIBLE_IN_COLOUR = 1.5
+"""The same where the noise is coloured."""
+VISIBLE_UNSEEN = 5.0
+"""The same for recordings below 67 Hz: whether an encoder filters its noise cannot be seen there, and behind a filter
+of one pole at 0.7 fourth differences show a fifth of the variance."""
+BEHIND_COLOUR = 100.0
+"""Score, in units of what is left, by which names must be better to be believed although coloured noise is left behind
+them. In a control at 50 Hz whose filtered noise left 2.3 times its floor no names scored better; a spring that was
+missing there scored 336."""
+SLOW = 1 / 30
+VISIBLE_WHEN_SLOW = 12.0
+"""The same for recordings below 30 Hz, as from video: their differences hardly show slow errors of the recorder."""
+
+
+_Compared = tuple[tuple[Fit, float, float], ...]
+
+
+@dataclasses.dataclass(frozen=True)
+class Omnibus:
+    """Is anything left that a force free in time would explain?
+
+    Args:
+        excess: decrease of chi2 beyond what noise gives, never negative.
+        p_value: of the F test.
+    """
+
+    excess: float
+    p_value: float
+
+
+def omnibus(shooting: Shooting, fit: Fit) -> Omnibus:
+    """F test of a free force in bins of 0.2 s against none, on top of a fit."""
+    residual, states, forces = free_force_columns(shooting, fit, seconds=0.2)
+    clean = np.nan_to_num(shooting.noise.whiten(shooting.segments, residual))
+    linear = eliminate(shooting.whiten_columns(states), shooting.whiten_columns(forces), clean)
+    gain, count = 0.0, 0
+    for normal, gradient in zip(linear.normal, linear.gradient, strict=True):
+        matrix, scale = scaled(normal)
+        value, vector = np.linalg.eigh(matrix)
+        seen = value > 1e-8
+        gain += float((((vector.T @ (gradient / scale)) ** 2)[seen] / value[seen]).sum())
+        count += int(seen.sum())
+    left = float((clean**2).sum()) - float((np.einsum("smn,sm->sn", linear.basis, clean) ** 2).sum()) - gain
+    dof = max(shooting.dof - count, 1)
+    ratio = (gain / max(count, 1)) / max(left / dof, 1e-300)
+    return Omnibus(max(gain - count * left / dof, 0.0), float(stats.f.sf(ratio, max(count, 1), dof)))
+
+
+@dataclasses.dataclass(frozen=True)
+class Judgement:
+    """The verdict with its reasons.
+
+    Args:
+        verdict: ``none``, ``named``, ``tie`` or ``unknown``.
+        fit: the set that was chosen.
+        named: the effects of it that are named, in the order in which they explain.
+        shares: part of the mismatch that each explains.
+        probabilities: of each.
+        ties: of each, (name, target) pairs.
+        retuned: effects of the set that are not named: they undo a tuning of the nominal, explain next to nothing, or
+            may be nothing at all.
+        unexplained: part of the mismatch that is left.
+        white: whether what is left is noise.
+        p_value: that there is no mismatch: the smaller one of two tests, of a force free in time and of the best set
+            among all of as many names, times two (Bonferroni).
+        rivals: compared sets, their scores less the best one's, and their probabilities.
+    """
+
+    verdict: str
+    fit: Fit
+    named: tuple[Effect, ...]
+    shares: tuple[float, ...]
+    probabilities: tuple[float, ...]
+    ties: tuple[tuple[tuple[str, str], ...], ...]
+    retuned: tuple[Effect, ...]
+    unexplained: float
+    white: bool
+    p_value: float
+    rivals: _Compared
+
+
+def judge(shooting: Shooting, selection: Selection) -> Judgement:
+    """Decides what may be said.
+
+    Args:
+        shooting: the likelihood.
+        selection: the compared sets.
+    """
+    best, nominal = selection.best, selection.nominal
+    before = omnibus(shooting, nominal)
+    rivals = _rivals(selection)
+    gain = nominal.chi2 - best.chi2
+    if not best.effects:
+        return _nameless(shooting, best, before, rivals)
+    after = omnibus(dataclasses.replace(shooting, noise=recoloured(shooting, best)), best)
+    unexplained = after.excess / max(after.excess + gain, 1e-300)
+    white = after.p_value > SURE
+    named, tuned = _split(shooting, selection, rivals)
+    order, shares = _shares(shooting, selection, named, 1.0 - unexplained)
+    score = selection.score
+    worth = 2.0 * score.least * score.scale / max(gain, 1e-300) if score.inadequate else score.material
+    least = min(LEAST_SHARE, worth)
+    kept = [i for i, share in enumerate(shares) if share >= least] or [0]
+    count, plain = len(kept), not tuned and len(kept) == len(order)
+    certain = [i for i in kept if is_certain(shooting, best, [order[i]])]
+    if len(certain) < 2 and not is_certain(shooting, best, [order[i] for i in kept], alone=True):
+        return _nameless(shooting, nominal, before, rivals)  # other initial states gained what it seemed to
+    kept = certain or kept[:1]
+    retuned = (*tuned, *(effect for i, effect in enumerate(order) if i not in kept))
+    order, shares = tuple(order[i] for i in kept), tuple(shares[i] for i in kept)
+    probabilities = tuple(_probability(rivals, effect) for effect in order)
+    ties = tuple(ties_of(rivals, best, effect, retuned, tuned) for effect in order)
+    sets = math.comb(max(score.names, len(best.effects)), len(best.effects))
+    p_value = 2.0 * min(before.p_value, float(stats.chi2.sf(gain / score.scale, best.size)) * sets)
+    crowded = count >= MAX_EFFECTS and unexplained > (CROWDED if count == MAX_EFFECTS else OVERCROWDED)
+    crowded = crowded and after.excess > SOME_NOISE * shooting.dof
+    seen = SEEN if count < MANY else SEEN_BEHIND_MANY
+    most = seen if _visible(shooting, after) else INADEQUATE
+    if best.chi2 > LOUD * shooting.dof:
+        most = min(most, SEEN_LOUD)
+    if selection.cut_short:
+        most = min(most, SEEN_IN_VAIN)
+    verdict = "tie" if any(ties) else "named"
+    if after.p_value < DOUBT and (unexplained > most or crowded):
+        clear = plain and score(nominal) - score(best) > BEHIND_COLOUR  # what is fitted along follows colours too
+        if (crowded and unexplained <= INADEQUATE) or _visible(shooting, before):
+            verdict = "unknown"
+        elif not (clear and _may_be_coloured(shooting)):
+            return _nameless(shooting, nominal, before, rivals)
+    return Judgement(
+        verdict, best, order, shares, probabilities, ties, retuned, unexplained, white, min(p_value, 1.0), rivals
+    )
+
+
+def _nameless(shooting: Shooting, fit: Fit, left: Omnibus, rivals: _Compared) -> Judgement:
+    """Without a name: a mismatch that nothing explains, or none."""
+    unknown = _visible(shooting, left)
+    verdict, share = ("unknown", 1.0) if unknown else ("none", 0.0)
+    return Judgement(verdict, fit, (), (), (), (), (), share, not unknown, left.p_value, rivals)
+
+
+def _may_be_coloured(shooting: Shooting) -> bool:
+    """Whether what is left may be the noise's own colour: it is seen, or would not be; not that of videos."""
+    coloured = bool(shooting.noise.colour.any()) or shooting.hides_colour
+    return coloured and not any(run.video for run in shooting.segments.runs)
+
+
+def _visible(shooting: Shooting, left: Omnibus) -> bool:
+    """Whether a mismatch without a name is large enough to be believed."""
+    least = VISIBLE_IN_COLOUR if shooting.noise.colour.any() else VISIBLE
+    if shooting.hides_colour:
+        least = VISIBLE_WHEN_SLOW if float(np.median(shooting.segments.dt)) > SLOW else max(least, VISIBLE_UNSEEN)
+    return left.p_value < SURE and left.excess > least * shooting.dof
+
+
+def _rivals(selection: Selection) -> _Compared:
+    ranked = selection.ranked()
+    scores = np.array([selection.score(fit) for fit in ranked])
+    weights = np.exp(-0.5 * (scores - scores.min()))
+    weights /= weights.sum()
+    return tuple((f, float(s - scores.min()), float(w)) for f, s, w in zip(ranked, scores, weights, strict=True))
+
+
+def _split(
+    shooting: Shooting, selection: Selection, rivals: Sequence[tuple[Fit, float, float]]
+) -> tuple[list[Effect], tuple[Effect, ...]]:
+    """Tells effects from nuisances: what a modeller had tuned on these data gains nothing alone.
+
+    A nominal that was tuned on the data sits where damping, gain, rotor and bias, or what cannot be told from them,
+    gain nothing by themselves; only together with what is missing do they move back.
+    """
+    best = selection.best
+    names = {e.key for fit, _, _ in rivals for e in fit.effects if e.tunable}
+    tunable = [e for e in best.effects if e.tunable or names & set(swapped(rivals, best, e))]
+    others = [e for e in best.effects if e not in tunable]
+    if not tunable or not others:
+        return list(best.effects), ()
+    if is_a_tuning(shooting, selection, tunable, others, selection.needs_more_than(MAX_EFFECTS)):
+        return others, tuple(tunable)
+    return list(best.effects), ()
+
+
+def _shares(
+    shooting: Shooting, selection: Selection, named: Sequence[Effect], explained: float
+) -> tuple[tuple[Effect, ...], tuple[float, ...]]:
+    """Order of the effects by what each adds to those before it, and the parts."""
+    best, nominal = selection.best, selection.nominal
+    total = max(nominal.chi2 - best.chi2, 1e-300)
+    always = [e for e in best.effects if e not in named]
+    order: list[Effect] = []
+    level, shares = nominal.chi2, []
+    while len(order) < len(named):
+        left = [e for e in named if e not in order]
+        if len(left) == 1:
+            fits = [best]
+        else:
+            fits = [fitted(shooting, selection, [*always, *order, e]) for e in left]
+        first = min(range(len(left)), key=lambda i: fits[i].chi2)
+        order.append(left[first])
+        shares.append(float(np.clip((level - fits[first].chi2) / total, 0.0, 1.0)) * explained)
+        level = min(level, fits[first].chi2)
+    return tuple(order), tuple(shares)
+
+
+def _probability(rivals: Sequence[tuple[Fit, float, float]], effect: Effect) -> float:
+    return float(min(sum(weight for fit, _, weight in rivals if effect.key in fit.keys), 1.0))

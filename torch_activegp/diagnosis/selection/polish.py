@@ -1,0 +1,102 @@
+"""The last fits: sets that nothing tells apart must not seem to differ because one of them ended short."""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Sequence
+
+import numpy as np
+
+from torch_activegp.diagnosis.selection.compared import Selection, compare
+from torch_activegp.diagnosis.selection.elsewhere import elsewhere
+from torch_activegp.diagnosis.selection.merging import merged
+from torch_activegp.diagnosis.selection.proposals import Set, beginning
+from torch_activegp.diagnosis.shooting.chaining import borrowed, chained
+from torch_activegp.diagnosis.shooting.fit import Fit
+from torch_activegp.diagnosis.shooting.likelihood import Shooting
+from torch_activegp.diagnosis.shooting.score import NOISE_ALONE
+from torch_activegp.physics.effect import Effect
+
+_SETTLED = 0.5
+_RIVAL = 20.0
+_SHORT = 0.04
+"""Part of its chi2 by which a fit of a law with kinks may end short of its optimum."""
+_OF_THE_GAIN = 0.05
+"""And part of what the best set explains: where little is missing, fits do not end that short."""
+_BY_CHANCE = 9.0
+"""Parameters that differ by less, three standard errors, are the same."""
+_NEAR = 6
+_POLISHES = 4
+
+
+def polish(shooting: Shooting, selection: Selection, effects: Sequence[Effect]) -> None:
+    """The best set with all derivatives taken there, and its close rivals from the states and parameters that it found.
+
+    Sets that nothing tells apart reach the same chi2 only so, and each may show the others the way; what says the
+    same elsewhere is fitted from there too, for it may have been given up in a race.
+    """
+    precise = dataclasses.replace(shooting, cheap=None)  # no derivatives but its own
+    for number in range(_POLISHES if selection.best.effects else 0):
+        best = selection.best
+        again = chained(precise, precise.fit([(best.effects, best.values)], best.starts)[0])
+        gained = best.chi2 - again.chi2 if again.plausible else 0.0
+        if again.plausible and gained > -_SETTLED:  # also where it gains nothing: its derivatives say how sure it is
+            selection.fits = [again if fit is best else fit for fit in selection.fits]
+            best = again
+        lost = best.chi2 > NOISE_ALONE * shooting.dof
+        if selection.cut_short and lost:  # nothing on the list explains what is missing: rivals would not, either
+            break
+        stuck = min(_SHORT * best.chi2, _OF_THE_GAIN * (selection.nominal.chi2 - best.chi2))
+        near = _near(selection, best, max(2.0 * gained, 0.0), 0.0 if number else stuck)
+        near = selection.add([_again(precise, fit, best) for fit in near])
+        sets = [some for fit in near if (some := shared(fit, best)) is not None]
+        sets += [] if number else [*elsewhere(best, effects), *_one_for_two(selection, best, effects)]
+        compare(shooting, selection, sets, best, race=np.inf, below=[selection.below(some) for some, _ in sets])
+        if gained <= _SETTLED and selection.score(selection.best) > selection.score(best) - _SETTLED:
+            break
+
+
+def _one_for_two(selection: Selection, best: Fit, effects: Sequence[Effect]) -> list[Set]:
+    """The best set with one name in place of two that say the same, where one of the two seemed to cost no name."""
+    found: list[Set] = []
+    for pairs in merged(list(zip(best.effects, best.values, strict=True)), effects):
+        some, values = zip(*pairs, strict=True)
+        gone = {effect.key for effect in best.effects} - {effect.key for effect in some}
+        if gone & selection.score.free and selection.of(some) is None:
+            found.append((some, values))
+    return found
+
+
+def _near(selection: Selection, best: Fit, gained: float, stuck: float) -> list[Fit]:
+    """Rivals that score nearly as well as the best set, or would if their chi2 fell by what they may be short of.
+
+    Those with more on top began where the best set was: they fall no further than by what that has gained.
+
+    Args:
+        selection: the compared sets.
+        best: one of them.
+        gained: chi2 by which rivals may fall as the best set did.
+        stuck: chi2 by which fits may end short of their optimum.
+    """
+    score, names = selection.score, set(best.effects)
+    reach = score(best) + _RIVAL + np.array([max(gained, stuck), gained]) / score.scale
+    near = (fit for fit in selection.ranked()[:_NEAR] if fit is not best)
+    return [fit for fit in near if score(fit) < reach[int(names < set(fit.effects))]]
+
+
+def _again(precise: Shooting, fit: Fit, best: Fit) -> Fit:
+    """A rival with all derivatives taken where it is, and with the best set's states where these are better."""
+    found = borrowed(precise, fit, best)
+    return precise.fit([(fit.effects, fit.values)], fit.starts)[0] if found is fit and fit.effects else found
+
+
+def shared(fit: Fit, best: Fit) -> Set | None:
+    """A set with the parameters of the best one for what they share or contain; None where they are those of its fit.
+
+    So a law begins no worse than the simpler one that it contains, where the rest is shared. What is no farther than
+    chance leads back to the fit.
+    """
+    found = best.by_effect
+    values = tuple(found.get(e, beginning(e, v, found.items())) for e, v in zip(fit.effects, fit.values, strict=True))
+    moved = np.concatenate([np.zeros(0), *values]) - np.concatenate([np.zeros(0), *fit.values])
+    return (fit.effects, values) if moved @ fit.information @ moved > _BY_CHANCE else None

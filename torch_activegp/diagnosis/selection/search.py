@@ -1,0 +1,229 @@
+"""Chooses the set of effects: forward with a beam, refitted, and backward, by an extended BIC."""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Callable, Iterator, Sequence
+from typing import NamedTuple
+
+import numpy as np
+
+from torch_activegp.diagnosis.inputs.runs import Array
+from torch_activegp.diagnosis.selection.compared import Selection
+from torch_activegp.diagnosis.selection.development import be_fair, expand, simplify
+from torch_activegp.diagnosis.selection.prospects import MAX_EFFECTS, cannot_win, hopeless, is_alike
+from torch_activegp.diagnosis.selection.stand_ins import soften, swap, try_tuned, undo
+from torch_activegp.diagnosis.selection.stepwise import one_by_one
+from torch_activegp.diagnosis.selection.tuning import is_a_tuning
+from torch_activegp.diagnosis.shooting.fit import Fit
+from torch_activegp.diagnosis.shooting.likelihood import Shooting
+from torch_activegp.diagnosis.shooting.score import Score
+from torch_activegp.physics.effect import Effect
+
+BEAM = 2
+SWAPS = 2
+_PATIENCE = 15e6
+"""Cases that end right compute a few million time steps for a search, most of them below ten. What no effect on the
+list explains would compute ever more."""
+_AS_WELL = 10.0
+"""By so much, in units of what is left and with the price of its parameters, a tuning undone may be worse than a name
+that stands for it."""
+
+Seen = set[frozenset[Effect]]
+
+
+class Depth(NamedTuple):
+    """How far to search.
+
+    Args:
+        rounds: how often the best sets are developed.
+        swaps: how often others are tried in place of each effect.
+        work: time steps to compute before no further set is developed.
+        stepwise: whether names are tried one after another where several came together.
+    """
+
+    rounds: int = 2 * MAX_EFFECTS
+    swaps: int = SWAPS
+    work: float = _PATIENCE
+    stepwise: bool = True
+
+    def counted_from(self, work: float) -> Depth:
+        """The same with its work on top of some that is done."""
+        return self._replace(work=work + self.work)
+
+
+def select(
+    shooting: Shooting,
+    effects: Sequence[Effect],
+    nominal: Fit,
+    sets: Sequence[tuple[Sequence[Effect], Sequence[Array]]] = (),
+    first: Fit | None = None,
+    tell: Callable[[str], None] = lambda _: None,
+    free: frozenset[tuple[str, str]] = frozenset(),
+    depth: Depth | None = None,
+) -> Selection:
+    """Chooses effects that explain the residuals.
+
+    Args:
+        shooting: the likelihood.
+        effects: what is tried.
+        nominal: the fit without effects.
+        sets: to begin from besides the nominal, with first guesses.
+        first: a fit by this likelihood to begin from; it is compared as it is, and the sets begin from its states.
+        tell: hears what is being done.
+        free: what seemed to be tuned already, :attr:`Score.free`.
+        depth: of the search; to its end where there is none.
+    """
+    depth = (depth or Depth()).counted_from(shooting.work)
+    names = len({effect.key for effect in effects})
+    hides_colour = shooting.hides_colour and not shooting.noise.colour.any()
+    score = Score(shooting.samples, names, 1.0, free=free, hides_colour=hides_colour)
+    selection = Selection(nominal, [nominal], score)
+    near = first if first is not None and np.isfinite(first.chi2) else nominal
+    if sets or near.effects:
+        selection.add([near] if near.effects else [])
+        selection.add(shooting.fit(sets, near.starts, near=near))
+        selection.rescale(shooting.dof)
+    expanded: Seen = set()
+    search(selection, shooting, effects, expanded, tell, depth)
+    found = selection.best
+    if not selection.cut_short:
+        try_tuned(selection, shooting, effects)
+    tuned = not selection.score.free and _seems_tuned(selection, shooting, effects)
+    if tuned:
+        undo(selection, shooting, effects)
+    if tuned or selection.best is not found:
+        simplify(selection, shooting, effects)
+        search(selection, shooting, effects, expanded, tell, depth)
+    if selection.score.free and not _only_undoes(selection, shooting):
+        selection.score = selection.score.without_free()
+        search(selection, shooting, effects, expanded, tell, depth)
+    return selection
+
+
+def search(
+    selection: Selection,
+    shooting: Shooting,
+    effects: Sequence[Effect],
+    expanded: Seen,
+    tell: Callable[[str], None],
+    depth: Depth,
+) -> None:
+    """Develops the best sets until none is left that could become the best."""
+
+    def develop(fit: Fit) -> None:
+        expanded.add(frozenset(fit.effects))
+        tell(f"testing what comes on top of {len(fit.effects)} effect{'s' * (len(fit.effects) != 1)}")
+        expand(selection, shooting, effects, fit, depth.work + _PATIENCE)
+
+    def may_go_on(fit: Fit) -> bool:
+        return shooting.work <= depth.work and _is_promising(selection, shooting, fit, expanded, skipped)
+
+    def step_by_step(least: int = 1) -> bool:
+        return depth.stepwise and one_by_one(selection, shooting, expanded, develop, may_go_on, least)
+
+    resorts = _resorts(selection, shooting, effects, tell, depth.swaps, step_by_step)
+    skipped: Seen = set()
+    for _ in _rounds(selection, shooting, effects, depth):
+        beam = _beam(selection, shooting, expanded, skipped)
+        if not beam and not next(resorts, False):
+            break
+        for fit in filter(may_go_on, beam):
+            develop(fit)
+        if beam:
+            step_by_step(least=BEAM + 1)
+            simplify(selection, shooting, effects)
+
+
+def _rounds(selection: Selection, shooting: Shooting, effects: Sequence[Effect], depth: Depth) -> Iterator[int]:
+    """Rounds of a search, each with a best set that was compared fairly, as long as there is work left."""
+    for number in range(depth.rounds):
+        be_fair(selection, shooting)
+        if shooting.work > depth.work:
+            selection.cut_short = True
+            simplify(selection, shooting, effects)  # what came last in place of an effect too
+            return
+        yield number
+
+
+def _beam(selection: Selection, shooting: Shooting, expanded: Seen, skipped: Seen) -> list[Fit]:
+    """The best sets that were not developed yet; the nominal, where what was found on a part of the data led astray."""
+    known, score = expanded | skipped, selection.score
+    beam: list[Fit] = []
+    for fit in selection.ranked():
+        if len(beam) == BEAM or score(fit) > score(selection.best) + score.slack:
+            break
+        others = expanded | {frozenset(other.effects) for other in beam}
+        if frozenset(fit.effects) not in known and not is_alike(selection, fit, others):
+            beam.append(fit)
+    astray = not beam and frozenset() not in expanded and hopeless(selection, shooting)
+    return [selection.nominal] if astray else beam
+
+
+def _is_promising(selection: Selection, shooting: Shooting, fit: Fit, expanded: Seen, skipped: Seen) -> bool:
+    """Whether one more name may come on top of a set, and make it the best; else the set is skipped from now on."""
+    lost = bool(fit.effects) and hopeless(selection, shooting, least=2)
+    room = selection.score.names_in(fit.effects) < MAX_EFFECTS and selection.may_pay(fit, shooting.dof)
+    promising = room and not lost and not cannot_win(selection, fit, expanded)
+    if not promising:
+        skipped.add(frozenset(fit.effects))
+    return promising
+
+
+def _resorts(
+    selection: Selection,
+    shooting: Shooting,
+    effects: Sequence[Effect],
+    tell: Callable[[str], None],
+    swaps: int,
+    step_by_step: Callable[[], bool],
+) -> Iterator[bool]:
+    """What is tried where no set is left to develop, one at a time."""
+    if selection.score.inadequate and soften(selection, shooting, effects):
+        yield True
+    yield from _swapped(selection, shooting, effects, tell, swaps)
+    if step_by_step():
+        simplify(selection, shooting, effects)
+        yield True
+        yield from _swapped(selection, shooting, effects, tell, swaps)
+
+
+def _swapped(
+    selection: Selection, shooting: Shooting, effects: Sequence[Effect], tell: Callable[[str], None], swaps: int
+) -> Iterator[bool]:
+    """Others in place of each effect of the best set, so often at most, as long as another set becomes the best."""
+    swapped: frozenset[Effect] = frozenset()
+    for _ in range(swaps):
+        if frozenset(selection.best.effects) == swapped or hopeless(selection, shooting):
+            break
+        swapped = frozenset(selection.best.effects)
+        tell("testing what could stand in place of each effect")
+        swap(selection, shooting, effects)
+        yield True
+
+
+def _seems_tuned(selection: Selection, shooting: Shooting, effects: Sequence[Effect]) -> bool:
+    """Whether what is tunable in the best set only undoes a tuning; then nothing that is tunable costs a name.
+
+    Where the best set has nothing tunable, the one that would be the best if that cost no name must fit as well.
+    """
+    named, found = selection.score, selection.best
+    selection.score = dataclasses.replace(named, free=frozenset(e.key for e in effects if e.tunable))
+    best = selection.best
+    more = named.a_parameter * (best.size - found.size) - _AS_WELL
+    fits = best.chi2 + named.scale * more < found.chi2 or any(effect.tunable for effect in found.effects)
+    if not fits or not any(effect.tunable for effect in best.effects) or not _only_undoes(selection, shooting):
+        selection.score = named
+    return bool(selection.score.free)
+
+
+def _only_undoes(selection: Selection, shooting: Shooting) -> bool:
+    """Whether what seems to be tuned is no more than that in the best set, and no smaller set fits better."""
+    best, free = selection.best, selection.score.free
+    tunable = [e for e in best.effects if e.key in free]
+    others = [e for e in best.effects if e.key not in free]
+    if not tunable or not others:
+        return bool(others)
+    if selection.dominated:
+        return False
+    return is_a_tuning(shooting, selection, tunable, others, selection.needs_more_than(MAX_EFFECTS))

@@ -1,0 +1,195 @@
+"""What could stand in place of what a search found, or behind it: rivals, soft friction, a tuned nominal."""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Collection, Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from torch_activegp.diagnosis.selection.compared import Selection, compare, without_each
+from torch_activegp.diagnosis.selection.elsewhere import elsewhere
+from torch_activegp.diagnosis.selection.heats import CLOSE, PART, heat, near
+from torch_activegp.diagnosis.selection.proposals import Set, diverse, join, other_forms, softened
+from torch_activegp.diagnosis.selection.screening import allowed, screen
+from torch_activegp.diagnosis.selection.tuning import at_an_optimum, undone
+from torch_activegp.diagnosis.shooting.fit import Fit
+from torch_activegp.diagnosis.shooting.likelihood import Shooting
+from torch_activegp.physics.effect import Effect
+from torch_activegp.physics.soft_friction import SOFT
+
+RIVALS = 4
+ALIKE = 0.6
+"""To stand in for an effect, another one must gain so much of what it gains, to first order."""
+_AS_GOOD = 0.9
+"""And so much for its other forms to be tried: a bucket's centre of mass lay off along two axes, and one of them alone
+gained less than an offset of the encoder, which nearly did what both do."""
+_MOST_OF_IT = 0.5
+"""Of what a set explains: a part of it that does so is worth a look in its other forms."""
+_PLENTY = 400.0
+_LOST, _ROUNDS = 10.0, 20
+"""Chi2 per degree of freedom by which a set is lost without an effect, and rounds of the fit that shows it."""
+_PROMISING = 0.2
+"""Part of the chi2 that dry friction must gain to first order for its soft form to be tried."""
+
+
+def swap(selection: Selection, shooting: Shooting, effects: Sequence[Effect]) -> None:
+    """Tries other effects in place of each effect of the best set: rivals, and the way out of a false start."""
+    best = selection.best
+    named = [effect for effect in best.effects if effect.key not in selection.score.free]
+    lost = _lost_on_a_part(selection, shooting, named)
+    smaller = without_each(selection, shooting, [effect for effect in named if effect not in lost])
+    if selection.best is not best or not (smaller or lost):  # another set comes first now
+        return
+    least_loss = min((fit.chi2 - best.chi2 for _, fit in smaller), default=np.inf)
+    seen = [(effect, *_seen(shooting, fit, fit.chi2 - best.chi2)) for effect, fit in smaller]
+    found = [elsewhere(best, effects)]
+    found += [_in_place(best, *one, effects) for one in (*seen, *((effect, *there) for effect, there in lost.items()))]
+    known, sets, starts = {frozenset(fit.effects) for fit in selection.fits}, list[Set](), None
+    for rivals in found:
+        sets += (new := [some for some in rivals if frozenset(some[0]) not in known])
+        known |= {frozenset(some) for some, _ in new}
+    part, which = _enough(shooting, least_loss)
+    if sets and part.segments.size < shooting.segments.size:
+        sets, starts = near(part, which, sets, best, [CLOSE * selection.score.scale] * len(sets))
+    below = [selection.below(some) for some, _ in sets]
+    compare(shooting, selection, sets, best, race=np.inf, starts=starts, below=below)
+
+
+def _in_place(best: Fit, effect: Effect, part: Shooting, fit: Fit, effects: Sequence[Effect]) -> list[Set]:
+    """The best set with others in place of one of its effects.
+
+    What gains as much begins a second time with the rest as it is in the best set. Where the rest made up for what was
+    gone, it led nowhere: of a push, a spring and a Stribeck friction, a bias in place of the push left 1.021 of the
+    noise on a part for 0.995.
+
+    Args:
+        best: the best set.
+        effect: of it.
+        part: the likelihood, over a part of the data perhaps.
+        fit: the best set without the effect there.
+        effects: what is tried.
+    """
+    screened = screen(part, fit, allowed(effects, fit))
+    own = max((a.gain for a in screened.atoms if a.effect.key == effect.key), default=0.0)
+    atoms = [a for a in screened.best() if a.gain >= ALIKE * own and not _same_or_more(a.effect, effect)]
+    found: list[Set] = []
+    for atom in diverse(atoms, RIVALS):
+        rival = join(fit, [atom])
+        found.append(rival)
+        if atom.gain > _AS_GOOD * own:
+            pairs = list(zip(*rival, strict=True))
+            found.append((rival[0], tuple(best.by_effect.get(e, v) for e, v in pairs)))
+            found += other_forms(pairs, effects, atom.effect)
+    return found
+
+
+def _lost_on_a_part(
+    selection: Selection, shooting: Shooting, named: Sequence[Effect]
+) -> dict[Effect, tuple[Shooting, Fit]]:
+    """Effects without which a part of the data is lost already, with that part, and the fit of the others to it.
+
+    On all data such a fit, far from anything, would take longest: on a lift, 97 s for two of three effects.
+    """
+    best = selection.best
+    rests = {effect: tuple(e for e in best.effects if e is not effect) for effect in named}
+    unknown = [effect for effect, rest in rests.items() if rest and selection.of(rest) is None]
+    part, which = shooting.subset(PART)
+    if not unknown or part.segments.size == shooting.segments.size:
+        return {}
+    here = best.pick(which)
+    lost = zip(unknown, _smaller(part, here, [rests[effect] for effect in unknown]), strict=True)
+    return {e: (part, fit) for e, fit in lost if np.isfinite(fit.chi2) and fit.chi2 - here.chi2 > _LOST * part.dof}
+
+
+def _smaller(part: Shooting, here: Fit, sets: Sequence[Sequence[Effect]]) -> list[Fit]:
+    """Fits of some sets that a fit holds, from where it is on a part of the data, and not to their ends."""
+    values = here.by_effect
+    return part.fit([(some, [values[effect] for effect in some]) for some in sets], here.starts, _ROUNDS, near=here)
+
+
+def _seen(shooting: Shooting, fit: Fit, gain: float) -> tuple[Shooting, Fit]:
+    """A part of the data on which an effect still gains much, and a fit there."""
+    part, which = _enough(shooting, gain)
+    return part, fit.pick(which)
+
+
+def _enough(shooting: Shooting, gain: float) -> tuple[Shooting, NDArray[np.int64]]:
+    """A part of the data on which an effect still gains much, and its segments."""
+    return shooting.subset(min(max(_PLENTY / max(gain, 1.0), PART), 1.0))
+
+
+def _same_or_more(effect: Effect, than: Effect) -> bool:
+    """Whether an effect is another one or contains it: it was tried on top already."""
+    return effect is than or (effect.target == than.target and than.name in effect.covers)
+
+
+def soften(selection: Selection, shooting: Shooting, effects: Sequence[Effect]) -> bool:
+    """Fits soft forms of dry friction on top of the best set and of the nominal; returns whether there were any.
+
+    Firm friction on a light joint lets go and catches within a few rows; no fit of it finds the way from far off.
+    """
+    firm = [effect for effect in effects if any(form.key == effect.key and form.variant == SOFT for form in effects)]
+    tried = False
+    for fit in {id(fit): fit for fit in (selection.best, selection.nominal)}.values():
+        atoms = screen(shooting, fit, allowed(firm, fit)).best()
+        sets = softened([join(fit, [atom]) for atom in atoms if atom.gain > _PROMISING * fit.chi2], effects)
+        if fresh := [some for some in sets if selection.of(some[0]) is None]:
+            compare(shooting, selection, fresh, fit)
+            tried = True
+    return tried
+
+
+def try_tuned(selection: Selection, shooting: Shooting, effects: Sequence[Effect]) -> None:
+    """Fits each name of the best set beside all that is tunable, where the nominal seems to be tuned.
+
+    A name that is not tunable may stand for several that are: a payload, for a gain, a damping and a rotor at once.
+    """
+    best, nominal, score = selection.best, selection.nominal, selection.score
+    tunable = [effect for effect in effects if effect.tunable]
+    named = [effect for effect in best.effects if not effect.tunable]
+    if not tunable or len(named) < 2:
+        return
+    if not score.free and not at_an_optimum(screen(shooting, nominal, tunable), nominal.chi2 - best.chi2):
+        return
+    rests = [*([e for e in named if e is not one] for one in named), *([one] for one in named if len(named) > 2)]
+    part, which = shooting.subset(PART)  # on all data fits without a name, far from anything, take longest
+    share = part.segments.size / shooting.segments.size
+    bare = _smaller(part, best.pick(which), rests)
+    sets = [some for fit in bare for some in _undone(selection, part, fit, tunable, share)]
+    lenient = dataclasses.replace(score, free=frozenset(effect.key for effect in tunable))
+    passed = heat(shooting, sets, best, lenient)
+    compare(shooting, selection, passed.sets, best, race=np.inf, starts=passed.starts)
+
+
+def undo(selection: Selection, shooting: Shooting, effects: Sequence[Effect]) -> None:
+    """Fits the best set with all further tunable effects that pay beside it: a tuning moves more than one or two."""
+    best, tunable = selection.best, [effect for effect in effects if effect.tunable]
+    compare(shooting, selection, _undone(selection, shooting, best, tunable), best, below=best)
+
+
+def _undone(
+    selection: Selection, shooting: Shooting, fit: Fit, tunable: Sequence[Effect], share: float = 1.0
+) -> list[Set]:
+    """A set with all further tunable effects that pay beside it on a share of the data, where it was not compared."""
+    price = share * selection.score.a_parameter * selection.score.scale
+    sets = undone(fit, screen(shooting, fit, allowed(tunable, fit)), price)
+    return [some for some in sets if selection.of(some[0]) is None]
+
+
+def forms_of_parts(selection: Selection, effects: Sequence[Effect], known: Collection[frozenset[Effect]]) -> list[Set]:
+    """Other forms of what explains most of what the best set does: names that came after may stand for another axis.
+
+    From where the part was fitted, for beside them it moved: loads of 2.4 and -2.4 kg stood for a centre of mass that
+    was off along a second axis too, and the first one was a third of what it is.
+    """
+    best, nominal = selection.best, selection.nominal
+    much = nominal.chi2 - _MOST_OF_IT * (nominal.chi2 - best.chi2)
+    parts = [fit for fit in selection.fits if fit.effects and set(fit.effects) < set(best.effects) and fit.chi2 < much]
+    found = {
+        frozenset(some[0]): some
+        for fit in sorted(parts, key=lambda fit: -fit.chi2)
+        for some in other_forms(list(zip(fit.effects, fit.values, strict=True)), effects)
+    }
+    return [some for key, some in found.items() if key not in known]

@@ -1,0 +1,83 @@
+"""Names that stand for the same: what scores almost as well, and laws that are one law."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from torch_activegp.diagnosis.selection.merging import TWO_SIDED, push
+from torch_activegp.diagnosis.shooting.fit import Fit
+from torch_activegp.diagnosis.shooting.score import TIE
+from torch_activegp.physics.effect import Effect
+
+_LOPSIDED = 0.1
+"""A constant push is a difference between the directions of a dry friction from so much of that friction up."""
+ALIKE = 0.002
+"""Two names that say the same as one leave no more by this part, what fits are short of; less is no objection."""
+
+Rivals = Sequence[tuple[Fit, float, float]]
+"""Compared sets, best first, with their scores less the best one's and their probabilities."""
+
+
+def ties_of(
+    rivals: Rivals, best: Fit, effect: Effect, retuned: Sequence[Effect], tuned: Sequence[Effect]
+) -> tuple[tuple[str, str], ...]:
+    """All (name, target) pairs that stand for a named effect as well.
+
+    Args:
+        rivals: the compared sets.
+        best: the one that was chosen.
+        effect: of it.
+        retuned: effects of it that are not named.
+        tuned: those of them that only undo a tuning.
+    """
+    alone, one = swapped(rivals, best, effect), as_one(rivals, best, effect, retuned, tuned)
+    return tuple(dict.fromkeys([*alone, *as_two(rivals, best, effect), *one]))
+
+
+def swapped(rivals: Rivals, best: Fit, effect: Effect) -> tuple[tuple[str, str], ...]:
+    """What stands in place of an effect in sets that score almost as well."""
+    others = best.keys - {effect.key}
+    found = []
+    for fit, distance, _ in rivals[1:]:
+        new = fit.keys - others
+        if distance < TIE and others <= fit.keys and len(new) == 1 and effect.key not in fit.keys:
+            found.append(next(iter(new)))
+    return tuple(found)
+
+
+def as_two(rivals: Rivals, best: Fit, effect: Effect) -> tuple[tuple[str, str], ...]:
+    """The two names that say the same as a dry friction of two levels: one level and a constant push."""
+    others, dry = best.keys - {effect.key}, ("coulomb_friction", effect.target)
+    for fit, _, _ in rivals[1:]:
+        new = fit.keys - others
+        alike = fit.chi2 - best.chi2 < ALIKE * best.chi2
+        if alike and effect.name == TWO_SIDED and others <= fit.keys and len(new) == 2 and dry in new:
+            return tuple(sorted(new))
+    return ()
+
+
+def as_one(
+    rivals: Rivals,
+    best: Fit,
+    effect: Effect,
+    retuned: Sequence[Effect],
+    tuned: Sequence[Effect] = (),
+) -> tuple[tuple[str, str], ...]:
+    """The dry friction of two levels that says the same as one level and a push which only undoes a tuning.
+
+    Where some effects only undo a tuning at that joint (`tuned`), the nominal's bias there may hold the push, and
+    nothing in the recordings says how much of it.
+    """
+    values, two_sided = best.by_effect, (TWO_SIDED, effect.target)
+    if effect.name != "coulomb_friction":
+        return ()
+    here = any(getattr(other, "drives", other.target) == effect.target for other in tuned)
+    if here and any(two_sided in fit.keys for fit, _, _ in rivals):
+        return (two_sided,)
+    least = _LOPSIDED * float(values[effect][0])
+    pushes = {e.key for e in retuned if abs(push(e, values[e], effect.target)) > least}
+    for fit, _, _ in rivals[1:] if pushes else ():
+        alike = fit.chi2 - best.chi2 < ALIKE * best.chi2
+        if alike and two_sided in fit.keys and fit.keys - {two_sided} <= best.keys - {effect.key} - pushes:
+            return (two_sided,)
+    return ()

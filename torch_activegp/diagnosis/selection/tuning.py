@@ -1,0 +1,146 @@
+"""A nominal that was tuned on these recordings: what is missing hides behind wrong values of what was tuned."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from torch_activegp.diagnosis.selection.compared import Selection, fitted
+from torch_activegp.diagnosis.selection.proposals import Set, diverse, join, with_values
+from torch_activegp.diagnosis.selection.screening import Atom, Screen
+from torch_activegp.diagnosis.shooting.fit import Fit
+from torch_activegp.diagnosis.shooting.likelihood import Shooting
+from torch_activegp.physics.effect import Effect
+
+_MOST = 4
+_MORE = 20.0
+_HELPED = 1.05
+"""What is tuned must add 5 % to what the best effect gains alone,"""
+_NEARLY = 0.9
+"""and reach most of what other company gains, to be tried."""
+_HIDDEN = (0.15, 0.4, 0.75)
+"""Largest gain alone over the gain beside the rest, of one, two, or more that undo a tuning. Tuned cases measured 0 to
+0.7, with many corrections each, and 0.13 with one; effects of their own mostly above 1, 0.36 where one hides the other,
+and 0.19 a bias behind cogging and hysteresis."""
+_MANY, _OF_MANY = 4, 1.6
+"""The same of so many, where no few names explain as much: tunings that had gone wrong measured 0.93, 0.95 and 1.47.
+Where few do, such as a payload, it is they that are missing: many corrections do the same to a machine of one joint."""
+_CERTAIN = 1.1
+"""The same where a damping comes out below zero, on its joint: the nominal has more than there is, and that was put
+there by a modeller."""
+_OPTIMUM = 0.9
+"""All that is tunable together gains less than this part of what the best set explains, behind a tuning."""
+_LIKELY = (0.4, 0.6, 0.85)
+"""The same to first order, for what is worth a fit: 8 of 11 tuned cases measured 0.08 to 0.66, two effects 0.5 to 3."""
+
+
+def beside(screened: Screen, price: float, alone: float, together: float) -> list[list[Atom]]:
+    """Effects together with those tunable ones that pay beside them, best first; none where that helps little.
+
+    What a modeller has tuned (damping, rotor, gain, bias) gains little alone, and what is missing gains little alone
+    too: it hides behind their wrong values, and shows only when they are free. Where what is tunable gains nearly as
+    much alone, nothing hides.
+
+    Args:
+        screened: score test on top of the nominal.
+        price: what a parameter must gain.
+        alone: what the best effect alone gains; a tuning must help more.
+        together: what the best effects in any company gain; with a tuning they must gain nearly as much.
+    """
+    tunable = [atom for atom in screened.best() if atom.effect.tunable]
+    least = max(alone + _MORE, _HELPED * alone, _NEARLY * together)
+    found = [(screened.joint_gain([a, *tunable]), a) for a in screened.atoms if not a.effect.tunable]
+    found = [(gain, a) for gain, a in found if gain > least]
+    chosen: list[tuple[float, list[Atom]]] = []
+    for atom in diverse([a for _, a in sorted(found, key=lambda item: -item[0])], len(found)):
+        some = [atom, *paying(screened, [atom], tunable, price)]
+        if len(some) > 1:
+            gain, values = screened.together(some)
+            chosen.append((gain - price * sum(map(len, values[1:])), with_values(some, values)))
+        if len(chosen) == _MOST:
+            break
+    chosen.sort(key=lambda item: -item[0])
+    hidden = [(worth, some) for worth, some in chosen if _hide(screened, some)]
+    if not hidden or hidden[0][0] < max(least, _NEARLY * chosen[0][0]):
+        return []
+    return [some for _, some in hidden]
+
+
+def _hide(screened: Screen, some: Sequence[Atom]) -> bool:
+    """Whether tunable effects gain much less alone than beside the first one, to first order."""
+    atom, *tunable = some
+    added = screened.possible_gain(some) - screened.possible_gain([atom])
+    return screened.possible_gain(tunable) < _bar(_LIKELY, len(tunable)) * added
+
+
+def _overdamped(fit: Fit, effects: Sequence[Effect]) -> bool:
+    """Whether a viscous friction comes out below zero on every joint that some effects act on."""
+    pairs = list(zip(fit.effects, fit.values, strict=True))
+    joints = {e.target for e, v in pairs if e in effects and e.name == "viscous_friction" and v[0] < 0.0}
+    return bool(joints) and all(getattr(e, "drives", e.target) in joints for e in effects)
+
+
+def _bar(shares: Sequence[float], count: int) -> float:
+    """The share for one, two, or more."""
+    return shares[min(count, len(shares)) - 1]
+
+
+def at_an_optimum(screened: Screen, explained: float) -> bool:
+    """Whether all that is tunable gains little on top of the nominal, next to what is explained: as after a tuning.
+
+    Within its bounds: a damping that was tuned to zero would gain much below.
+    """
+    return screened.possible_gain(screened.best()) < _OPTIMUM * explained
+
+
+def undone(fit: Fit, screened: Screen, price: float) -> list[Set]:
+    """A fit with all further tunable effects that pay together.
+
+    Args:
+        fit: a set, with tunable effects or without.
+        screened: score test on top of it.
+        price: what a parameter must gain.
+    """
+    near = paying(screened, [], [a for a in screened.best() if a.effect.tunable], price)
+    return [join(fit, near)] if near else []
+
+
+def paying(screened: Screen, held: Sequence[Atom], tunable: Sequence[Atom], price: float) -> list[Atom]:
+    """Those tunable effects without which the rest loses more than their price, to first order.
+
+    Backward elimination: the one with the least Wald statistic goes first.
+    """
+    near = screened.independent(tunable)
+    while near:
+        losses = screened.losses([*held, *near])[len(held) :]
+        least = min(range(len(near)), key=losses.__getitem__)
+        if losses[least] >= price:
+            break
+        del near[least]
+    return near
+
+
+def is_a_tuning(
+    shooting: Shooting, selection: Selection, tunable: Sequence[Effect], others: Sequence[Effect], needed: bool = False
+) -> bool:
+    """Whether the tunable ones of the best set's effects do no more than undo a tuning: see :func:`only_undoes`."""
+    alone, without = (fitted(shooting, selection, some) for some in (tunable, others))
+    return only_undoes(selection.nominal, alone, without, selection.best, needed)
+
+
+def only_undoes(nominal: Fit, alone: Fit, without: Fit, best: Fit, needed: bool = False) -> bool:
+    """Whether tunable effects do no more than undo a tuning.
+
+    A tuning hides what is missing, and the missing hides the tuning: it gains less alone than beside the rest. Errors
+    that have nothing to do with each other gain the same, and such as stand in for each other gain more alone. The more
+    there are at once, as a tuning makes them, the less of this is asked.
+
+    Args:
+        nominal: the fit without effects.
+        alone: with the tunable effects alone.
+        without: with the others alone; no worse than the nominal, whatever its fit says.
+        best: with all of them.
+        needed: whether no few names explain as much.
+    """
+    share = _CERTAIN if _overdamped(best, alone.effects) else _bar(_HIDDEN, len(alone.effects))
+    share = _OF_MANY if needed and len(alone.effects) >= _MANY else share
+    return nominal.chi2 - alone.chi2 < share * (min(without.chi2, nominal.chi2) - best.chi2)

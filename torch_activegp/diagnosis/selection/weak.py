@@ -1,0 +1,60 @@
+"""Names that explain little of a large mismatch."""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Callable, Sequence
+
+from torch_activegp.diagnosis.selection.compared import Selection
+from torch_activegp.diagnosis.selection.judge import DOUBT, SURE, Omnibus, omnibus
+from torch_activegp.diagnosis.selection.search import Depth, search
+from torch_activegp.diagnosis.shooting.likelihood import Shooting
+from torch_activegp.physics.effect import Effect
+
+_MATERIAL = 0.001
+"""Part of the mismatch that is enough for a name here."""
+_NEAR_NOISE = 1.5
+"""Times the noise: where no set comes closer to it, none leaves noise alone."""
+_NEARLY = 0.15
+"""Part of what was left that may be left behind what is weak, where even little is seen to be no noise: behind the
+Stribeck part of a friction 7400 of 7900 in chi2 were gone, of a mismatch of two million, and the rest still showed."""
+_DEPTH = Depth(rounds=3, swaps=1, work=10e6)
+
+
+def also_weak(
+    shooting: Shooting, selection: Selection, effects: Sequence[Effect], tell: Callable[[str], None] = lambda _: None
+) -> Selection:
+    """Sets with what is weak, where the best one leaves a little that is no noise and one of these leaves noise alone.
+
+    Simulators differ by some thousandths of a large mismatch, so what explains no more is no name
+    (:data:`~torch_activegp.diagnosis.shooting.score.MATERIAL`). But no such difference becomes noise by one more
+    effect: a spring beside a payload explained 0.003 of the mismatch, which was 1200 in chi2, and left nothing but
+    noise.
+
+    Args:
+        shooting: the likelihood.
+        selection: the compared sets.
+        effects: what is tried.
+        tell: hears what is being done.
+
+    Returns:
+        The same selection where nothing weak was found; else one whose best set has more names, perhaps others.
+    """
+    best, score = selection.best, selection.score
+    if not best.effects or score.scale > _NEAR_NOISE or score.least < score.a_parameter or selection.cut_short:
+        return selection
+    before = omnibus(shooting, best)
+    if before.p_value > SURE:
+        return selection
+    tell("testing what is weak")
+    weak = dataclasses.replace(selection, fits=list(selection.fits))
+    weak.score = dataclasses.replace(score, material=_MATERIAL)
+    search(weak, shooting, effects, set(), tell, _DEPTH.counted_from(shooting.work))
+    weak.cut_short = selection.cut_short  # this one looks for more than is promised
+    more = weak.score.names_in(weak.best.effects) > score.names_in(best.effects)
+    return weak if more and _leaves_noise(before, omnibus(shooting, weak.best)) else selection
+
+
+def _leaves_noise(before: Omnibus, after: Omnibus) -> bool:
+    """Whether what was left is noise now, or nearly all of it is gone."""
+    return after.p_value > DOUBT or after.excess < _NEARLY * before.excess

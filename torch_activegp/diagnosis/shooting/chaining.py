@@ -1,0 +1,103 @@
+"""Initial states from the segment before, at rest, or of another fit: ways out where derivatives lead nowhere."""
+
+from __future__ import annotations
+
+import dataclasses
+
+import numpy as np
+from numpy.typing import NDArray
+
+from torch_activegp.diagnosis.inputs.runs import Array
+from torch_activegp.diagnosis.shooting.fit import Fit
+from torch_activegp.diagnosis.shooting.likelihood import Shooting
+from torch_activegp.diagnosis.shooting.point import total
+
+_STANDS_OUT = 3.0
+"""A segment stands out by so many times the median chi2 of a sample, and so much at least."""
+_ROUNDS = 3
+_STEPS = 8
+_BETTER = 0.5
+
+
+def chained(shooting: Shooting, fit: Fit) -> Fit:
+    """The fit with segments that stand out begun where the segments before them lead, or at rest, where that is better.
+
+    The speed at an impact is not what a smoothed recording shows, and no derivative leads from one side of an impact to
+    the other. The simulation of the segment before knows on which side the machine was. Nor does one lead to a joint
+    that dry friction holds: a smoothed recording shows it creeping.
+
+    Args:
+        shooting: the likelihood.
+        fit: of any set.
+    """
+    segments, before = shooting.segments, fit
+    for number in range(_ROUNDS):
+        level = fit.per_segment / segments.samples
+        out = level > _STANDS_OUT * max(float(np.median(level)), 1.0)
+        if not out.any() or fit.design is None:
+            break
+        known = fit
+        for states in [_continued(shooting, fit), *([] if number else _at_rest(shooting))]:  # rest ends as before
+            fit = _tried(shooting, fit, out, states)
+        if fit is known:
+            break
+    return shooting.fit([(fit.effects, fit.values)], fit.starts)[0] if fit is not before and fit.effects else fit
+
+
+def borrowed(shooting: Shooting, fit: Fit, other: Fit) -> Fit:
+    """The fit with segments that another set fits better begun where that begins them, where it is better; fitted anew.
+
+    On a machine that strikes fits of nearly the same end on different sides of impacts, each in other segments: a lag
+    left 174 more than a lag and a friction, and with the states of three segments from there 17.
+
+    Args:
+        shooting: the likelihood.
+        fit: of any set.
+        other: of another one, to the same segments.
+    """
+    worse = fit.per_segment > other.per_segment + _BETTER
+    if not worse.any():
+        return fit
+    found = _tried(shooting, fit, worse, other.starts)
+    if found is fit or not fit.effects:
+        return found
+    return min(found, shooting.fit([(fit.effects, fit.values)], found.starts)[0], key=lambda one: one.chi2)
+
+
+def _tried(shooting: Shooting, fit: Fit, where: NDArray[np.bool_], starts: Array) -> Fit:
+    """The fit with some of its segments ``(S,)`` begun at some states ``(S, n)`` where that is better."""
+    which = np.flatnonzero(where)
+    other = shooting.pick(which).fit([(fit.effects, fit.values)], starts[which], rounds=_STEPS, hold=True)[0]
+    better = other.per_segment < fit.per_segment[which] - _BETTER
+    return _with(fit, which[better], other.pick(better)) if better.any() else fit
+
+
+def _with(fit: Fit, which: NDArray[np.int64], part: Fit) -> Fit:
+    """A fit with some of its segments begun elsewhere."""
+    columns = {}
+    for name in ("starts", "per_segment", "design"):
+        if getattr(fit, name) is not None:
+            columns[name] = getattr(fit, name).copy()
+            columns[name][which] = getattr(part, name)
+    return dataclasses.replace(fit, chi2=total(columns["per_segment"]), columns=None, **columns)
+
+
+def _continued(shooting: Shooting, fit: Fit) -> Array:
+    """The states at which the segments before arrive, ``(S, n)``; where there is none, those of the fit."""
+    segments, starts = shooting.segments, fit.starts.copy()
+    along = shooting.engine.trajectories(segments, fit.starts, fit.candidate)
+    for s in range(1, segments.size):
+        rows = segments.first[s] - segments.first[s - 1]
+        if segments.run[s] == segments.run[s - 1] and 0 < rows <= segments.intervals:
+            starts[s] = along[s - 1, rows]
+    return np.where(np.isfinite(starts), starts, fit.starts)
+
+
+def _at_rest(shooting: Shooting) -> list[Array]:
+    """The smoothed recording with all joints at rest, and with each of several, ``(S, n)``."""
+    smooth, dofs = shooting.engine.starts(shooting.segments), shooting.engine.channels.dof
+    out = []
+    for still in [dofs, *([dof] for dof in dofs if len(dofs) > 1)]:
+        out.append(smooth.copy())
+        out[-1][:, shooting.engine.model.nq + np.asarray(still)] = 0.0
+    return out

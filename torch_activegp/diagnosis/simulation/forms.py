@@ -1,0 +1,236 @@
+"""The forms of a model: its own integrator and time step, finer ones, and cheap ones that stand in for them."""
+
+from __future__ import annotations
+
+import dataclasses
+import functools
+import math
+from collections.abc import Callable, Sequence
+from typing import Self
+
+import mujoco
+import numpy as np
+
+from torch_activegp.diagnosis.inputs.machine import Machine
+from torch_activegp.diagnosis.inputs.runs import Run, median_step
+from torch_activegp.diagnosis.inputs.segments import cut
+from torch_activegp.diagnosis.inputs.touching import touching
+from torch_activegp.diagnosis.simulation.calm import CalmEngine
+from torch_activegp.diagnosis.simulation.candidate import NOMINAL
+from torch_activegp.diagnosis.simulation.engine import IMPLICIT_FAST, Engine, substeps_for
+from torch_activegp.diagnosis.simulation.leapfrog import is_of_second_order
+from torch_activegp.diagnosis.simulation.prescribed_motion import RUNGE_KUTTA
+from torch_activegp.physics.friction import sticking
+
+_STEP = 0.005
+_STIFF_STEP = 0.001
+_EFFECT_STEP, _HELD_STEP = 0.0005, 0.00125
+"""An effect that is a force is held in each time step: a stop or a play that acts for milliseconds wants short ones,
+and friction sticks as firmly as two of them allow. Leapfrog in the first is more exact than Runge-Kutta in the second
+where it is of second order: 1.1 per dof for 2.4 where a joint sticks and slips at 0.3 mrad."""
+_FIRM_STEP = 0.00025
+"""For friction of the model's own: a joint that sticks and slips at 0.05 mrad noise left 2.3 per dof with Runge-Kutta
+in steps of 0.5 ms, and 0.89, as the noise alone, with leapfrog in half of that. Two coupled ones left 8.3 and 1.3."""
+_QUICK = 0.00125
+_SHORTER, _SHORTEST, _STIFF_SHORTEST = (2, 4, 5, 10, 20), 0.95e-4, 1.9e-3
+"""How many times shorter the machine's steps may be, as of a simulator that is recorded in the model's place, and not
+below, s. Integrators of first order put a control half a step early: 0.25 ms left 1.7 times the noise of 0.5 mrad on an
+arm of two joints, where Runge-Kutta was the only other form, and no name explained it."""
+_QUICKER = 4
+"""Times as many steps as the model's own in what stands in for its own integrator in even more."""
+_HEAD = 0.5
+"""How much of each run shows with what its drives began, s."""
+_POSES = 300
+_TOUCHING = 0.01
+"""Contact in fewer poses is an accident of noise or of shapes drawn too large."""
+
+_COMPARED, _AGREES = 12, 0.1
+"""Segments on which a form with long steps is compared with the one without, and by what part of the noise it may
+differ."""
+_SELDOM = 0.3
+"""What touches in fewer poses strikes now and then: more time steps are wanted there alone."""
+
+Make = Callable[..., Engine]
+
+
+@dataclasses.dataclass(frozen=True)
+class Forms:
+    """One model in several forms.
+
+    Args:
+        given: the model's own integrator and time step.
+        fine: Runge-Kutta of fourth order; the same object where the model has it already.
+        coarse: the model's own integrator, few steps; where something touches and another form was clearly closer in
+            brief pieces, that one.
+        middle: Runge-Kutta with few steps, where coarse is not close enough; dry friction wants more of them.
+        stiff: whether something touches in more than 1 % of the recorded poses, or constraints tie bodies together.
+        late: coarse by the leapfrog scheme, which costs as little and is often close where coarse is not; None on a
+            stiff machine, and where it would be the same.
+        finest: shorter steps, for sets with effects that are forces held within a step; None for the same as fine.
+        leapt: the same by leapfrog where that is of first order in some forces, so that finest is Runge-Kutta's: either
+            may be closer.
+        quick: leapfrog in longer steps than finest or leapt; None where neither is one.
+        firm: short steps, and the dry friction that its joints have sticks firmly; None where they have none.
+        firm_leapt: to it as leapt is to finest.
+        firm_quick: to it as quick is to finest.
+        own: the model's own integrator in shorter steps; semi-implicit Euler in place of Runge-Kutta, but where
+            something touches: that is soft by as much as a time step is long, in Runge-Kutta's too.
+    """
+
+    given: Engine
+    fine: Engine
+    coarse: Engine
+    middle: Engine
+    stiff: bool = False
+    late: Engine | None = None
+    finest: Engine | None = None
+    leapt: Engine | None = None
+    quick: Engine | None = None
+    firm: Engine | None = None
+    firm_leapt: Engine | None = None
+    firm_quick: Engine | None = None
+    own: tuple[Engine, ...] = ()
+
+    @classmethod
+    def of(cls, machine: Machine, nthread: int = 0) -> Self:
+        """Makes them for a machine."""
+        model, step = machine.model, median_step(machine.fit)
+        make: Make = functools.partial(Engine, channels=machine.channels, nthread=nthread)
+        few, plain, part = _steps(step, _STEP), substeps_for(model, machine.fit), _touching(machine)
+        tied = bool(model.neq or model.ntendon)
+        stiff, free = tied or part > _TOUCHING, part == 0.0
+        stride = 1 if stiff else max(int(_STEP / step + 1e-6), 1)
+        given = make(model, substeps=plain)
+        often = max(few, plain)
+        seldom = _steps(step, _STIFF_STEP) if stiff else few
+        striking: Make = make  # what strikes something now and then takes long steps where nothing touches
+        if stiff and not tied and part < _SELDOM:
+            striking = functools.partial(CalmEngine, channels=machine.channels, calm=few, nthread=nthread)
+        same = model.opt.integrator == RUNGE_KUTTA and often == plain and not given.filters
+        fine = given if same else make(model, substeps=often, integrator=RUNGE_KUTTA)
+        if striking is not make and not same:
+            calm = striking(model, substeps=often, integrator=RUNGE_KUTTA)
+            fine = calm if _agrees(calm, fine, machine.fit) else fine
+        halfway = max(math.ceil(often / 2), few) if stiff else few
+        contacts = {"contacts": not free} if striking is make else {}
+        middle, cheap = fine, contacts and contacts | {"stride": stride}
+        if halfway < often:
+            middle = striking(model, substeps=halfway, integrator=RUNGE_KUTTA, **contacts)
+        coarse = striking(model, substeps=min(seldom, plain), integrator=_cheap(model), **cheap)
+        late, second = None, not stiff and is_of_second_order(model)
+        where = make, model, step, often
+        short = _held(*where, leaps=not stiff, second=second, free=free)
+        short |= _firm(*where, leaps=not stiff, second=second, free=free)
+        if not stiff and (model.nu or model.dof_damping.any()):
+            late = make(model, substeps=coarse.substeps, late=True, **cheap)
+        shorter = [
+            plain * times for times in _SHORTER if step / (plain * times) > (_STIFF_SHORTEST if stiff else _SHORTEST)
+        ]
+        first = IMPLICIT_FAST if model.opt.integrator == RUNGE_KUTTA and not stiff else None
+        own = tuple(make(model, substeps=steps, integrator=first) for steps in shorter)
+        made = cls(given, fine, coarse, middle, stiff, late, **short, own=own)
+        begin_drives(made.all, machine.fit)
+        return made
+
+    @property
+    def all(self) -> list[Engine]:
+        """Every form there is, the given one first."""
+        forms = [form for form in vars(self).values() if isinstance(form, Engine)]
+        return list(dict.fromkeys((self.given, *forms, *self.own)))
+
+    @property
+    def short(self) -> tuple[Engine, ...]:
+        """Those in short steps, which cost time."""
+        return tuple(form for form in (self.finest, self.leapt, self.firm, self.firm_leapt) if form is not None)
+
+    def stand_in(self, engine: Engine) -> Engine:
+        """What may stand in for one of the forms where no coarse one is close."""
+        if engine in self.own:
+            quicker = _QUICKER * self.given.substeps
+            fewer = (own for own in self.own if own.substeps >= quicker and 2 * own.substeps <= engine.substeps)
+            return next(fewer, engine)
+        quick = self.firm_quick if self.sticks(engine) else self.quick
+        return quick if quick is not None and engine in self.short and engine.late else self.middle
+
+    def sticks(self, engine: Engine) -> bool:
+        """Whether the joints' own dry friction sticks firmly in one of the forms."""
+        return engine in (self.firm, self.firm_leapt)
+
+
+def _held(
+    make: Make, model: mujoco.MjModel, step: float, often: int, leaps: bool, second: bool, free: bool
+) -> dict[str, Engine | None]:
+    """Forms for effects that are held within a step: ``finest``, ``leapt`` and ``quick``."""
+    leap, held = _steps(step, _EFFECT_STEP), _steps(step, _HELD_STEP)
+    leapt = make(model, substeps=leap, late=True) if leap > often and leaps else None
+    quick = make(model, substeps=_steps(step, _QUICK), late=True, contacts=not free) if leapt else None
+    if leapt is not None and second:
+        return {"finest": leapt, "quick": quick}
+    finest = make(model, substeps=held, integrator=RUNGE_KUTTA) if held > often else None
+    return {"finest": finest, "leapt": leapt, "quick": quick}
+
+
+def _firm(
+    make: Make, model: mujoco.MjModel, step: float, often: int, leaps: bool, second: bool, free: bool
+) -> dict[str, Engine | None]:
+    """The same with the dry friction that joints have sticking firmly: ``firm``, ``firm_leapt`` and ``firm_quick``."""
+    if not model.dof_frictionloss.any():
+        return {}
+
+    def by(steps: int, **how: bool | int) -> Engine:
+        return make(sticking(model, step / steps), substeps=steps, **how)
+
+    leapt = by(max(often, _steps(step, _FIRM_STEP)), late=True) if leaps else None
+    quick = by(_steps(step, _QUICK), late=True, contacts=not free) if leaps else None
+    if second:
+        return {"firm": leapt, "firm_quick": quick}
+    firm = by(max(often, _steps(step, 2 * _FIRM_STEP)), integrator=RUNGE_KUTTA)
+    return {"firm": firm, "firm_leapt": leapt, "firm_quick": quick}
+
+
+def _touching(machine: Machine) -> float:
+    """The part of the recorded poses in which something touches, or a joint is at its limit."""
+    model, channels = machine.model, machine.channels
+    seen = []
+    for run in (*machine.fit, *machine.holdout):
+        rows = np.arange(0, len(run), max(len(run) // _POSES, 1))
+        seen.append(touching(model, channels, run, rows))
+    return float(np.concatenate(seen).mean())
+
+
+def _agrees(calm: Engine, plain: Engine, runs: Sequence[Run]) -> bool:
+    """Whether an engine that takes few steps now and then does what another one does, to a part of the noise."""
+    segments = cut(runs, 1.0, 0.0)
+    segments = segments.pick(np.unique(np.linspace(0, segments.size - 1, _COMPARED).astype(np.int64)))
+    starts = plain.starts(segments)[None]
+    one, other = (engine.predict(segments, starts, [NOMINAL])[0] for engine in (calm, plain))
+    noise = np.mean([run.noise for run in runs], axis=0)
+    return bool(np.isfinite(one).all() and (np.abs(one - other) < _AGREES * noise).all())
+
+
+def _steps(interval: float, longest: float) -> int:
+    """Time steps in an interval, of some length at most."""
+    return max(int(np.ceil(interval / longest - 1e-6)), 1)
+
+
+def _cheap(model: mujoco.MjModel) -> int:
+    """The model's integrator, or the implicit one in place of Runge-Kutta's four evaluations."""
+    runge_kutta = model.opt.integrator == RUNGE_KUTTA
+    return IMPLICIT_FAST if runge_kutta else int(model.opt.integrator)
+
+
+def begin_drives(engines: Sequence[Engine], runs: Sequence[Run]) -> None:
+    """Lets filters of the model's own drives begin each run empty or filled: as the first engine follows it better."""
+    first = engines[0]
+    if not first.filters:
+        return
+    pieces = cut(runs, _HEAD, 0.0)
+    heads = pieces.pick(np.flatnonzero(pieces.first == 0))
+    errors = []
+    for empty in (False, True):
+        first.filters = tuple(own._replace(empty=empty) for own in first.filters)
+        predicted, _ = first.predict(heads, first.starts(heads)[None], [NOMINAL])
+        far = (predicted[0] - heads.position) / np.mean([run.noise for run in runs], axis=0)
+        errors.append(float(np.nan_to_num(far[heads.counts] ** 2, nan=np.inf).sum()))
+    for engine in engines:
+        engine.filters = tuple(own._replace(empty=errors[1] < errors[0]) for own in engine.filters)

@@ -1,0 +1,159 @@
+"""A simulator with named effects in it, as the diagnosis simulated them."""
+
+from __future__ import annotations
+
+import dataclasses
+import logging
+import math
+from typing import Any
+
+import mujoco
+import numpy as np
+import torch
+from torch import Tensor
+
+from torch_activegp.diagnosis.inputs.runs import Array, Channels, Run
+from torch_activegp.diagnosis.inputs.segments import Segments
+from torch_activegp.diagnosis.inputs.source import Source
+from torch_activegp.diagnosis.simulation.correction import Form
+from torch_activegp.diagnosis.simulation.engine import Candidate, Engine
+from torch_activegp.errors import ConfigurationError, SimulationError
+from torch_activegp.physics.friction import sticking
+from torch_activegp.simulators import MujocoSimulator, Simulator
+from torch_activegp.simulators.mujoco_layout import action_space, state_space
+
+_logger = logging.getLogger(__name__)
+
+
+class EffectSimulator(Simulator):
+    """A MuJoCo model with effects that MJCF cannot hold; state (qpos, qvel), action ctrl.
+
+    It is stepped like a candidate of the diagnosis. What the state cannot hold (a delayed control, the load side of a
+    backlash) lives through one ``rollout`` and starts anew at each ``step``. Effects on sensors change recordings, not
+    the motion, and do nothing here.
+
+    Args:
+        model: nominal model, without activations.
+        channels: the joints that effects with a memory follow; all move by themselves, also those that were prescribed.
+        candidate: effects and their values.
+        dt: time between two states, s.
+        substeps: time steps in ``dt``.
+        integrator: one of ``mujoco.mjtIntegrator``; None for the model's own.
+
+    Raises:
+        ConfigurationError: the model has actuators with activations.
+    """
+
+    def __init__(
+        self,
+        model: mujoco.MjModel,
+        channels: Channels,
+        candidate: Candidate,
+        *,
+        dt: float,
+        substeps: int,
+        integrator: int | None = None,
+    ) -> None:
+        if model.na:
+            raise ConfigurationError(
+                "EffectSimulator: wanted a model whose state is (qpos, qvel), found actuators with activations."
+            )
+        super().__init__(state_space(model), action_space(model), dt)
+        self.candidate = candidate
+        self._parts = (model, dataclasses.replace(channels, prescribed=None), substeps, 0, integrator)
+        self._engine: Engine | None = None
+
+    def __getstate__(self) -> dict[str, Any]:
+        return {**self.__dict__, "_engine": None}
+
+    def step(self, state: Tensor, action: Tensor) -> Tensor:
+        """Advances states ``(..., d)`` by ``dt``; see `Simulator.step`.
+
+        Raises:
+            SimulationError: an input requires a gradient.
+        """
+        return self.rollout(state, action.unsqueeze(-2)).squeeze(-2)
+
+    def rollout(self, state: Tensor, actions: Tensor) -> Tensor:
+        """Applies a sequence of actions; see `Simulator.rollout`.
+
+        Raises:
+            ShapeError: the shapes do not fit.
+            SimulationError: an input requires a gradient.
+        """
+        batch = self._check_rollout(state, actions)
+        if torch.is_grad_enabled() and (state.requires_grad or actions.requires_grad):
+            raise SimulationError("EffectSimulator: an input requires a gradient, and MuJoCo gives none. Detach it.")
+        size, count = batch.numel(), actions.shape[-2]
+        if size == 0 or count == 0:
+            return state.new_empty(*batch, count, self.state_dim)
+        begin = as_numbers(state.expand(*batch, self.state_dim)).reshape(size, self.state_dim)
+        control = as_numbers(actions.expand(*batch, *actions.shape[-2:])).reshape(size, count, self.action_dim)
+        if self._engine is None:
+            self._engine = Engine(*self._parts)
+        after = self._engine.trajectories(self._segments(begin, control), begin, self.candidate)[:, 1:]
+        states = torch.from_numpy(after.reshape(*batch, count, self.state_dim))
+        return self.state_space.wrap(states.to(self.state_space.low.device)).to(state)
+
+    def _segments(self, begin: Array, control: Array) -> Segments:
+        """Every sample as a run of its own, so that nothing passes from one to the next."""
+        model, channels = self._parts[0], self._parts[1]
+        size, count = control.shape[:2]
+        time, rows = self.dt * np.arange(count + 1), np.ones((count + 1, 1))
+        free, zeros = np.zeros((count, model.nv)), np.zeros(len(channels.joints))
+        runs = []
+        for row, held in zip(begin, control, strict=True):
+            position, velocity = rows * row[channels.qpos], rows * row[model.nq + channels.dof]
+            recorded = np.ones(count + 1, dtype=bool)
+            runs.append(Run("", time, position, recorded, velocity, position, held, free, zeros))
+        return Segments(
+            tuple(runs),
+            np.arange(size),
+            np.zeros(size, dtype=np.int64),
+            np.zeros((size, count + 1, len(zeros))),
+            np.ones((size, count + 1), dtype=bool),
+            np.full((size, count), self.dt),
+            np.tile(np.array([0, count]), (size, 1)),
+        )
+
+
+def corrected_simulator(
+    source: Source,
+    channels: Channels,
+    candidate: Candidate,
+    xml: str | None,
+    numerics: Form | None = None,
+) -> Simulator | None:
+    """The simulator with effects in it.
+
+    Args:
+        source: the nominal model.
+        channels: the recorded joints.
+        candidate: the effects.
+        xml: MJCF text that holds all of them, or None.
+        numerics: how the fit integrated, where that is not the model's own way.
+
+    Returns:
+        A `MujocoSimulator` where there is such a text, else an `EffectSimulator`; both with the nominal's time between
+        two states. None for a model with activations whose effects MJCF cannot hold.
+    """
+    model = source.model
+    dt = float(model.opt.timestep) * source.frame_skip
+    integrator, step, firm = numerics or Form(int(model.opt.integrator), float(model.opt.timestep))
+    substeps = max(math.ceil(dt / step - 1e-6), 1)
+    if xml is not None:
+        try:
+            made = MujocoSimulator(xml).model
+            made.opt.timestep, made.opt.integrator = dt / substeps, integrator
+            return MujocoSimulator(made, frame_skip=substeps)
+        except ConfigurationError:  # text alone does not find the model's own meshes
+            _logger.debug("the corrected text does not compile alone")
+    if model.na:
+        return None
+    model = sticking(model, dt / substeps) if firm else model
+    return EffectSimulator(model, channels, candidate, dt=dt, substeps=substeps, integrator=integrator)
+
+
+def as_numbers(tensor: Tensor) -> Array:
+    """A tensor of any device and kind as an array of doubles, of the same shape."""
+    return np.asarray(tensor.detach().to(device="cpu", dtype=torch.float64).numpy())
