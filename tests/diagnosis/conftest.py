@@ -19,7 +19,8 @@ from torch_activegp.diagnosis.inputs.segments import Segments, cut
 from torch_activegp.diagnosis.noise.model import NoiseModel
 from torch_activegp.diagnosis.shooting.fit import Fit
 from torch_activegp.diagnosis.shooting.likelihood import Shooting
-from torch_activegp.diagnosis.simulation.engine import Candidate, Engine
+from torch_activegp.diagnosis.simulation.candidate import Candidate
+from torch_activegp.diagnosis.simulation.engine import Engine
 from torch_activegp.diagnosis.simulation.places import effects_for
 from torch_activegp.physics import Effect
 from torch_activegp.simulators import ActionSpace, OdeSimulator, StateSpace
@@ -95,7 +96,7 @@ class Bench:
     def predict(self, candidate: Candidate, starts: np.ndarray | None = None) -> np.ndarray:
         """Positions ``(S, K + 1, C)`` from the nominal's initial states."""
         begin = self.nominal.starts if starts is None else starts
-        return self.engine.predict(self.segments, begin[None], [candidate])[0][0]
+        return self.engine.predict(self.segments, begin[None], [candidate])[0]
 
 
 def make_bench(kind: str) -> Bench:

@@ -65,9 +65,9 @@ def test_what_was_decided_about_the_recordings_is_noted(record: Record) -> None:
     position[50] += 0.5
     found = evaluate(model_text(), [run.replace({"qpos.hip": position}), still], nthread=1)
     assert found["notes"] == [
-        f"a: a row left out, at {run.time[50]:.6g} s: qpos.hip is far from where the rows around it put it.",
         "b: Columns left out: x.",
         "b: " + NO_CONTROL,
+        f"a: a row left out, at {run.time[50]:.6g} s: qpos.hip is far from where the rows around it put it.",
     ]
     assert found["free_run"]["error"] == pytest.approx(
         evaluate(model_text(), [run, still])["free_run"]["error"], rel=0.1

@@ -31,8 +31,8 @@ from torch_activegp.diagnosis.selection.judge import Judgement
 from torch_activegp.diagnosis.shooting.fit import Fit
 from torch_activegp.diagnosis.shooting.linearize import linearize
 from torch_activegp.diagnosis.simulation.blackbox_simulator import simulator_with
+from torch_activegp.diagnosis.simulation.candidate import NOMINAL
 from torch_activegp.diagnosis.simulation.correction import Form, corrected_xml
-from torch_activegp.diagnosis.simulation.engine import NOMINAL
 from torch_activegp.diagnosis.simulation.places import effects_for
 from torch_activegp.physics.effect import Effect
 
@@ -63,7 +63,8 @@ def diagnose(
         model: path of an MJCF file, MJCF text, an ``MjSpec``, an ``MjModel``, a `MujocoSimulator`, or any other
             `Simulator` whose state is positions and their velocities; then effects act as accelerations.
         recordings: runs for fitting and selection.
-        holdout: runs that are only forecast; without any, whole runs are set aside, and the notes say which.
+        holdout: runs that are only forecast; without any, the last fifth of the runs is set aside (of one or two, the
+            last fifth of the longest), and the notes say which.
         effects: classes of your own, which are tried beside those on the list wherever they can act.
         seed: of the controls proposed for the next experiment; nothing else is random.
         nthread: threads of the simulations; 0 for all cores.

@@ -31,7 +31,7 @@ class Job:
         model: whatever :func:`~torch_activegp.diagnosis.diagnose` takes.
         recordings: to fit: recordings, or words that :func:`~torch_activegp.experiments.recorded.load_named` takes;
             files are read by the worker, so that not all machines are in memory at once.
-        holdout: the same, only to forecast; without any, whole runs are set aside.
+        holdout: the same, only to forecast; without any, a part is set aside.
         columns: a column map for the files, or its path.
     """
 

@@ -13,7 +13,8 @@ from torch_activegp.diagnosis.inputs.machine import make_machine
 from torch_activegp.diagnosis.inputs.segments import cut
 from torch_activegp.diagnosis.noise.model import NoiseModel
 from torch_activegp.diagnosis.shooting.likelihood import Shooting
-from torch_activegp.diagnosis.simulation.engine import NOMINAL, Candidate, Engine
+from torch_activegp.diagnosis.simulation.candidate import NOMINAL, Candidate
+from torch_activegp.diagnosis.simulation.engine import Engine
 
 
 @pytest.fixture(scope="module")
@@ -86,7 +87,23 @@ def test_compare_gives_errors_in_units_of_the_motion_and_the_traces_behind_them(
 def test_a_model_that_fails_gets_a_huge_error_instead_of_nan(bench) -> None:
     wild = Candidate((bench.effect("linear_spring"),), (np.array([-1e9]),))
     overall, _ = compare({"before": (bench.engine, wild)}, bench.machine.holdout, ["hip"], bench.shooting.noise)
-    assert overall["free_run"]["before"] > 1e3
+    assert overall["free_run"]["before"] == overall["runs"][0]["free_run"]["before"] == 1e9
+
+
+@pytest.mark.parametrize("moves", [True, False])
+def test_a_joint_that_stands_still_counts_in_its_noise_and_in_nothing_over_all(bench, moves: bool) -> None:
+    """Unless nothing moves at all: a tenth of a thousandth of its spread is no measure of anything."""
+    moving, noise = bench.machine.holdout[0], bench.noise
+    rest = noise * np.random.default_rng(0).normal(size=(len(moving), 1))
+    still = dataclasses.replace(
+        moving, position=rest, smooth=0 * rest, velocity=0 * rest, control=0 * moving.control, label="still"
+    )
+    runs = [moving, still] if moves else [still]
+    overall, _ = compare({"before": (bench.engine, NOMINAL)}, runs, ["hip"], bench.shooting.noise)
+    entry = overall["runs"][-1]
+    assert entry["free_run"]["noise"] == entry["one_step"]["noise"] == 1.0
+    assert entry["free_run"]["before"] == pytest.approx(1.0, rel=0.2)
+    assert overall["free_run"] == overall["runs"][0]["free_run"]
 
 
 @pytest.mark.parametrize(("name", "value"), [("sensor_delay", 0.03), ("sensor_bias", 0.2), ("sensor_gain", 0.3)])

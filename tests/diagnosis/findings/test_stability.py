@@ -8,6 +8,7 @@ import mujoco
 import numpy as np
 import pytest
 
+from torch_activegp.diagnosis.findings.refit import Refits, refit
 from torch_activegp.diagnosis.findings.stability import _parts, is_refuted, stability
 from torch_activegp.diagnosis.inputs.machine import make_machine
 from torch_activegp.diagnosis.inputs.segments import cut
@@ -16,7 +17,6 @@ from torch_activegp.diagnosis.result import Stability
 from torch_activegp.diagnosis.selection.compared import Selection
 from torch_activegp.diagnosis.selection.judge import Judgement
 from torch_activegp.diagnosis.shooting.likelihood import Shooting
-from torch_activegp.diagnosis.shooting.refit import Refits, refit
 from torch_activegp.diagnosis.shooting.score import Score
 from torch_activegp.diagnosis.simulation.engine import Engine
 from torch_activegp.diagnosis.simulation.places import effects_for

@@ -2,12 +2,14 @@ from __future__ import annotations
 
 import dataclasses
 import importlib
+from pathlib import Path
 
 import numpy as np
 import pytest
 
+import torch_activegp
 from torch_activegp.diagnosis.inputs.blackbox import BlackBox, accelerations
-from torch_activegp.diagnosis.inputs.fingerprint import _code_of, _word, fingerprint
+from torch_activegp.diagnosis.inputs.fingerprint import _OURS, _code_of, _word, fingerprint
 from torch_activegp.diagnosis.inputs.machine import make_machine
 from torch_activegp.diagnosis.inputs.source import read_source
 from torch_activegp.diagnosis.simulation.places import effects_for
@@ -110,6 +112,8 @@ def test_a_class_without_source_is_never_the_same_again() -> None:
 
 
 def test_the_package_is_known_by_its_code(tmp_path) -> None:
+    """By all of it: laws and simulators too."""
+    assert Path(torch_activegp.__file__).parent == _OURS
     words = []
     for content in ("a = 1", "a = 2"):
         folder = tmp_path / content[-1]

@@ -4,6 +4,7 @@ import mujoco
 import numpy as np
 import pytest
 
+from torch_activegp.data import Recording
 from torch_activegp.diagnosis.inputs.machine import check_given, make_machine
 from torch_activegp.errors import DataError
 
@@ -40,6 +41,25 @@ def test_of_few_runs_the_end_of_the_longest_is_set_aside(model, record) -> None:
     np.testing.assert_array_equal(tail.control, whole.control[160:])
     np.testing.assert_array_equal(machine.fit[1].control, whole.control[: len(machine.fit[1]) - 1])
     assert "the last fifth of b" in machine.notes[0]
+
+
+def test_runs_of_other_rates_are_laid_on_the_clock_of_the_fastest(model, record) -> None:
+    fast = record(name="fast", seconds=2.0)
+    slow = record(name="slow", seconds=2.0)
+    every = {name: slow[name][::5] for name in slow.columns}
+    thinned = Recording.from_columns("slow", every)
+    machine = make_machine(model, [fast], [thinned])
+    (run,) = machine.holdout
+    assert len(run) == len(slow) == len(machine.fit[0])
+    assert run.recorded.sum() == len(thinned)
+    np.testing.assert_array_equal(run.position[::5, 0], every["qpos.hip"])
+    np.testing.assert_array_equal(run.control[::5, 0], every["ctrl.drive"][:-1])
+    np.testing.assert_allclose(run.dt, machine.fit[0].dt)
+
+
+def test_too_short_a_run_is_not_divided(model, record) -> None:
+    with pytest.raises(DataError, match="a: too short to set the last fifth of it aside, 51 rows found, 60 wanted"):
+        make_machine(model, [record(name="a", seconds=0.5)], [])
 
 
 def test_a_control_that_is_missing_is_noted(model, record) -> None:

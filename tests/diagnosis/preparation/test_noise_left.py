@@ -9,12 +9,12 @@ from scipy.signal import butter, lfilter
 from torch_activegp.diagnosis.noise.model import NoiseModel, colour_scale, high_differences
 from torch_activegp.diagnosis.preparation.noise_left import noise_behind, raised, recoloured
 from torch_activegp.diagnosis.selection.judge import omnibus
-from torch_activegp.diagnosis.simulation.engine import NOMINAL
+from torch_activegp.diagnosis.simulation.candidate import NOMINAL
 
 
 def bench_exact(bench) -> np.ndarray:
     """What the perfect model's sensors would read."""
-    return bench.engine.predict(bench.segments, bench.nominal.starts[None], [NOMINAL])[0][0]
+    return bench.engine.predict(bench.segments, bench.nominal.starts[None], [NOMINAL])[0]
 
 
 def with_noise(bench, level: float, scale: float, pole: float = 0.0):

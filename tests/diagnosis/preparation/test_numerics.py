@@ -9,7 +9,7 @@ from torch_activegp.diagnosis.noise.model import NoiseModel
 from torch_activegp.diagnosis.preparation import agreement, numerics
 from torch_activegp.diagnosis.preparation.numerics import Numerics
 from torch_activegp.diagnosis.shooting.likelihood import Shooting
-from torch_activegp.diagnosis.simulation.engine import NOMINAL, Candidate
+from torch_activegp.diagnosis.simulation.candidate import NOMINAL, Candidate
 
 QUIET = NoiseModel.white(np.array([1e-4]))
 
@@ -24,7 +24,7 @@ def test_a_coarsely_integrated_model_yields_to_the_fine_one(clean) -> None:
 
 def test_recordings_of_the_model_itself_keep_its_own_time_step(clean) -> None:
     made = Numerics.of(clean.integrated("Euler", 0.01), 1)
-    own = made.given.predict(clean.segments, clean.nominal.starts[None], [NOMINAL])[0][0]
+    own = made.given.predict(clean.segments, clean.nominal.starts[None], [NOMINAL])[0]
     noise = clean.noise * np.random.default_rng(0).normal(size=own.shape)
     segments = dataclasses.replace(clean.segments, position=own + noise)
     engine, *_ = made.choose(segments, clean.shooting.noise, clean.nominal, clean.nominal)
@@ -37,7 +37,7 @@ def test_a_simulation_by_the_models_integrator_in_shorter_steps_is_found(clean, 
     made = Numerics.of(clean.integrated("Euler", 0.01), 1)
     truth = made.own[number]
     assert truth.substeps == cost
-    own = truth.predict(clean.segments, clean.nominal.starts[None], [NOMINAL])[0][0]
+    own = truth.predict(clean.segments, clean.nominal.starts[None], [NOMINAL])[0]
     noise = 0.05 * clean.noise * np.random.default_rng(0).normal(size=own.shape)
     quiet = NoiseModel.white(np.array([0.05 * clean.noise]))
     segments = dataclasses.replace(clean.segments, position=own + noise)
@@ -66,7 +66,7 @@ def test_dry_friction_of_the_model_may_stick_more_firmly_on_the_machine(clean, f
     made = Numerics.of(clean.integrated("Euler", 0.005, 'frictionloss="0.6"'), 1)
     assert made.firm is not None
     truth = getattr(made, form)
-    own = truth.predict(clean.segments, clean.nominal.starts[None], [NOMINAL])[0][0]
+    own = truth.predict(clean.segments, clean.nominal.starts[None], [NOMINAL])[0]
     noise = 0.1 * clean.noise * np.random.default_rng(0).normal(size=own.shape)
     shooting = Shooting(made.given, dataclasses.replace(clean.segments, position=own + noise), QUIET)
     nominal = shooting.fit([((), ())], clean.nominal.starts)[0]
@@ -98,7 +98,7 @@ def test_a_lag_within_a_time_step_is_no_delay_behind_long_steps(clean) -> None:
     made = Numerics.of(clean.integrated("RK4", 0.01), 1)
     lag, delay = (clean.effect(name, "actuator:drive") for name in ("actuator_lag", "actuator_delay"))
     truth = Candidate((lag,), (np.array([0.008]),))
-    own = made.finest.predict(clean.segments, clean.nominal.starts[None], [truth])[0][0]
+    own = made.finest.predict(clean.segments, clean.nominal.starts[None], [truth])[0]
     noise = 0.02 * clean.noise * np.random.default_rng(0).normal(size=own.shape)
     quiet = NoiseModel.white(np.array([0.02 * clean.noise]))
     shooting = Shooting(made.given, dataclasses.replace(clean.segments, position=own + noise), quiet)
@@ -122,7 +122,7 @@ def test_friction_of_the_model_may_be_closer_by_leapfrog(clean, monkeypatch) -> 
     made = Numerics.of(clean.integrated("Euler", 0.005, 'frictionloss="0.6"'), 1)
     truth = made.firm_leapt
     assert truth is not None
-    own = truth.predict(clean.segments, clean.nominal.starts[None], [NOMINAL])[0][0]
+    own = truth.predict(clean.segments, clean.nominal.starts[None], [NOMINAL])[0]
     noise = 0.01 * clean.noise * np.random.default_rng(0).normal(size=own.shape)
     quiet = NoiseModel.white(np.array([0.01 * clean.noise]))
     shooting = Shooting(made.given, dataclasses.replace(clean.segments, position=own + noise), quiet)
@@ -133,7 +133,7 @@ def test_friction_of_the_model_may_be_closer_by_leapfrog(clean, monkeypatch) -> 
 
 def truth_of(bench, made: Numerics, form: str, loud: float = 1.0) -> Shooting:
     """The likelihood of what one of the forms would have recorded."""
-    own = getattr(made, form).predict(bench.segments, bench.nominal.starts[None], [NOMINAL])[0][0]
+    own = getattr(made, form).predict(bench.segments, bench.nominal.starts[None], [NOMINAL])[0]
     noise = loud * bench.noise * np.random.default_rng(0).normal(size=own.shape)
     segments = dataclasses.replace(bench.segments, position=own + noise)
     return Shooting(made.given, segments, NoiseModel.white(np.array([loud * bench.noise])))

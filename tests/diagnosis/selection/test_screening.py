@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from torch_activegp.diagnosis.selection.screening import Screen, _atom, screen
-from torch_activegp.diagnosis.simulation.engine import Candidate
+from torch_activegp.diagnosis.simulation.candidate import Candidate
 
 
 @pytest.fixture(scope="module")

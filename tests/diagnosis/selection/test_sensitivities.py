@@ -8,7 +8,7 @@ import pytest
 from torch_activegp.diagnosis.selection import sensitivities
 from torch_activegp.diagnosis.selection.sensitivities import effect_columns, parameter_columns, remembered, unit_values
 from torch_activegp.diagnosis.shooting.linearize import linearize
-from torch_activegp.diagnosis.simulation.engine import Candidate
+from torch_activegp.diagnosis.simulation.candidate import Candidate
 from torch_activegp.physics.effect import Parameter
 from torch_activegp.physics.sensing import SensorEffect
 

@@ -12,7 +12,7 @@ from torch_activegp.diagnosis.selection.judge import judge
 from torch_activegp.diagnosis.selection.search import select
 from torch_activegp.diagnosis.selection.weak import also_weak
 from torch_activegp.diagnosis.shooting.likelihood import Shooting
-from torch_activegp.diagnosis.simulation.engine import Candidate
+from torch_activegp.diagnosis.simulation.candidate import Candidate
 
 NOISE = 1e-4
 NAMES = ("viscous_friction", "constant_force", "linear_spring", "armature_error")
@@ -22,7 +22,7 @@ def recorded(clean, push: float) -> tuple[Shooting, Selection]:
     """A likelihood of much viscous friction and a weak push, and what is chosen."""
     damping, force = clean.effect("viscous_friction"), clean.effect("constant_force")
     truth = Candidate((damping, force), (np.array([0.03]), np.array([push])))
-    own = clean.engine.predict(clean.segments, clean.nominal.starts[None], [truth])[0][0]
+    own = clean.engine.predict(clean.segments, clean.nominal.starts[None], [truth])[0]
     noise = NOISE * np.random.default_rng(0).normal(size=own.shape)
     segments = dataclasses.replace(clean.segments, position=own + noise)
     shooting = Shooting(clean.engine, segments, NoiseModel.white(np.array([NOISE])))

@@ -11,7 +11,8 @@ from torch_activegp.diagnosis.selection.polish import polish
 from torch_activegp.diagnosis.shooting.advance import advance
 from torch_activegp.diagnosis.shooting.likelihood import Shooting
 from torch_activegp.diagnosis.shooting.score import Score
-from torch_activegp.diagnosis.simulation.engine import NOMINAL, Engine
+from torch_activegp.diagnosis.simulation.candidate import NOMINAL
+from torch_activegp.diagnosis.simulation.engine import Engine
 
 
 @pytest.fixture

@@ -11,7 +11,8 @@ from torch_activegp.diagnosis.shooting.advance import advance
 from torch_activegp.diagnosis.shooting.gauss_newton import SETTLE, Problem
 from torch_activegp.diagnosis.shooting.likelihood import Shooting
 from torch_activegp.diagnosis.shooting.race import Race
-from torch_activegp.diagnosis.simulation.engine import Candidate, Engine
+from torch_activegp.diagnosis.simulation.candidate import Candidate
+from torch_activegp.diagnosis.simulation.engine import Engine
 
 STOP = np.array([0.3, 20.0, 0.2])
 
@@ -203,7 +204,7 @@ def sticking(clean):
     """Fits Stribeck friction, from far off and in so many rounds, to a joint that sticks and slips."""
     effect, values = clean.effect("stribeck_friction"), np.array([0.5, 0.3, 0.4])
     engine = Engine(clean.machine.model, clean.engine.channels, 8, 1, late=True)
-    truth = engine.predict(clean.segments, clean.nominal.starts[None], [Candidate((effect,), (values,))])[0][0]
+    truth = engine.predict(clean.segments, clean.nominal.starts[None], [Candidate((effect,), (values,))])[0]
     noise = clean.noise * np.random.default_rng(0).normal(size=truth.shape)
     segments = dataclasses.replace(clean.segments, position=truth + noise)
     shooting = Shooting(engine, segments, clean.shooting.noise)

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from torch_activegp.diagnosis.shooting.linearize import Linearization, linearize
-from torch_activegp.diagnosis.simulation.engine import NOMINAL, Candidate
+from torch_activegp.diagnosis.simulation.candidate import NOMINAL, Candidate
 
 
 @pytest.fixture(scope="module")

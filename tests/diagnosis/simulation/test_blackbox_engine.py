@@ -143,9 +143,25 @@ def test_sensors_read_what_their_effects_make_of_it() -> None:
     bench = Bench(still)
     effect = next(e for e in bench.effects if e.name == "sensor_bias")
     starts = np.array([[[0.0, 1.0]]])
-    read, speed = bench.engine.predict(bench.segments, starts, [Candidate((effect,), (np.array([0.3]),))])
+    read = bench.engine.predict(bench.segments, starts, [Candidate((effect,), (np.array([0.3]),))])
     np.testing.assert_allclose(read[0, 0, :, 0], 0.3 + bench.time, atol=1e-9)
-    np.testing.assert_allclose(speed[0, 0, :, 0], 1.0, atol=1e-9)
+
+
+def test_time_steps_are_counted() -> None:
+    """A search ends by them."""
+    bench = Bench(still)
+    bench.engine.predict(bench.segments, np.zeros((3, 1, 2)), [NOMINAL] * 3)
+    assert bench.engine.work == 3 * bench.segments.intervals == 3 * bench.engine.steps_in(bench.segments)
+
+
+def test_what_is_handed_out_takes_controls_when_they_come() -> None:
+    bench = Bench(np.sin)
+    late = BlackBoxEngine(bench.box, bench.machine.channels, 1, late=True)
+    states = [e.trajectories(bench.segments, np.zeros((1, 2)), NOMINAL) for e in (bench.engine, late)]
+    assert not np.array_equal(*states)
+    np.testing.assert_array_equal(
+        late.without_leapfrog().trajectories(bench.segments, np.zeros((1, 2)), NOMINAL), states[0]
+    )
 
 
 def test_rows_off_the_clock_are_read_where_they_are() -> None:
@@ -162,7 +178,7 @@ def test_a_sample_that_diverges_leaves_the_others_alone() -> None:
     states = StateSpace(["x", "speed"], -np.inf, np.inf)
     bench = Bench(still, simulator=OdeSimulator(rates, states, ActionSpace(["push"], -9.0, 9.0), 1 / RATE))
     starts = np.array([[[0.0, 10.0]], [[0.0, 1.0]]])
-    read, _ = bench.engine.predict(bench.segments, starts, [NOMINAL, NOMINAL])
+    read = bench.engine.predict(bench.segments, starts, [NOMINAL, NOMINAL])
     assert np.isnan(read[0]).all()
     np.testing.assert_allclose(read[1, 0, :, 0], bench.time, atol=1e-9)
 

@@ -34,7 +34,7 @@ def test_few_steps_are_taken_where_nothing_touches(bench, engines) -> None:
     shoved = Candidate(shove=rng.normal(size=(segments.size, segments.intervals, 1)))
     candidates = [NOMINAL, pushed, shoved]
     starts = np.repeat(bench.nominal.starts[None], 3, axis=0)
-    many, few, own = (e.predict(segments, starts, candidates)[0] for e in (often, seldom, parted))
+    many, few, own = (e.predict(segments, starts, candidates) for e in (often, seldom, parted))
     np.testing.assert_array_equal(own[:, touched], many[:, touched])
     np.testing.assert_array_equal(own[:, ~touched], few[:, ~touched])
     assert np.abs(many - few)[:, ~touched].max() > 1e-6
@@ -47,7 +47,7 @@ def test_what_wants_short_steps_itself_takes_them_everywhere(bench, engines) -> 
     starts = bench.nominal.starts[None]
     for name, values in (("coulomb_friction", [0.1]), ("hysteresis", [0.5, 0.2]), ("viscous_friction", [0.1])):
         candidate = Candidate((bench.effect(name),), (np.array(values),))
-        own, other = (e.predict(bench.segments, starts, [candidate])[0] for e in (parted, often))
+        own, other = (e.predict(bench.segments, starts, [candidate]) for e in (parted, often))
         assert np.array_equal(own, other) == (name != "viscous_friction")
 
 
@@ -56,7 +56,7 @@ def test_all_or_none_of_the_segments_may_touch(bench, engines) -> None:
     touched = parted.touched(bench.segments)
     for which, engine in ((touched, often), (~touched, seldom)):
         segments, starts = bench.segments.pick(which), bench.nominal.starts[which][None]
-        own, other = (e.predict(segments, starts, [NOMINAL])[0] for e in (parted, engine))
+        own, other = (e.predict(segments, starts, [NOMINAL]) for e in (parted, engine))
         np.testing.assert_array_equal(own, other)
 
 

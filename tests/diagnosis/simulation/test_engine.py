@@ -8,7 +8,8 @@ import pytest
 
 from torch_activegp.diagnosis.inputs.machine import make_machine
 from torch_activegp.diagnosis.inputs.segments import cut, halve
-from torch_activegp.diagnosis.simulation.engine import NOMINAL, Candidate, Engine, substeps_for
+from torch_activegp.diagnosis.simulation.candidate import NOMINAL, Candidate
+from torch_activegp.diagnosis.simulation.engine import Engine, substeps_for
 from torch_activegp.errors import ConfigurationError
 
 
@@ -32,8 +33,8 @@ def test_candidates_side_by_side_equal_plain_mujoco(bench) -> None:
     damped = Candidate((bench.effect("viscous_friction"),), (np.array([0.05]),))
     candidates = [NOMINAL, damped, Candidate(force=force)]
     starts = np.repeat(bench.nominal.starts[None], 3, axis=0)
-    read, speed = bench.engine.predict(bench.segments, starts, candidates)
-    assert read.shape == speed.shape == (3, bench.segments.size, bench.segments.intervals + 1, 1)
+    read = bench.engine.predict(bench.segments, starts, candidates)
+    assert read.shape == (3, bench.segments.size, bench.segments.intervals + 1, 1)
     for s in (0, 5):
         np.testing.assert_allclose(read[0, s, :, 0], by_hand(bench, s), atol=1e-12)
         np.testing.assert_allclose(read[2, s, :, 0], by_hand(bench, s, push=0.1), atol=1e-12)
@@ -57,7 +58,7 @@ def test_an_edited_model_is_put_back_whatever_other_batch_ran_between(bench) -> 
     def run(engine: Engine, candidate: Candidate) -> np.ndarray:
         count = 20  # simulations of either kind have batches of the same size
         starts = np.repeat(bench.nominal.starts[None, :2], count, axis=0)
-        return engine.predict(few, starts, [candidate] * count)[0]
+        return engine.predict(few, starts, [candidate] * count)
 
     fresh, used = (Engine(mujoco.MjModel.from_xml_string(bench.xml), bench.engine.channels, 2, 1) for _ in range(2))
     wanted = run(fresh, rubbed)
@@ -68,22 +69,22 @@ def test_an_edited_model_is_put_back_whatever_other_batch_ran_between(bench) -> 
 
 def test_equal_inputs_give_equal_bits_whatever_ran_before(bench) -> None:
     again = Engine(mujoco.MjModel.from_xml_string(bench.xml), bench.engine.channels, 2, 1)
-    fresh = again.predict(bench.segments, bench.nominal.starts[None], [NOMINAL])[0][0]
+    fresh = again.predict(bench.segments, bench.nominal.starts[None], [NOMINAL])[0]
     np.testing.assert_array_equal(bench.predict(NOMINAL), fresh)
 
 
 def test_many_candidates_are_simulated_in_several_calls(bench, monkeypatch) -> None:
     candidates = [Candidate((bench.effect("viscous_friction"),), (np.array([c]),)) for c in (0.0, 0.1, 0.2)]
     starts = np.repeat(bench.nominal.starts[None], 3, axis=0)
-    at_once = bench.engine.predict(bench.segments, starts, candidates)[0]
+    at_once = bench.engine.predict(bench.segments, starts, candidates)
     monkeypatch.setattr("torch_activegp.diagnosis.simulation.engine._MAX_ROWS", bench.segments.size)
-    np.testing.assert_array_equal(bench.engine.predict(bench.segments, starts, candidates)[0], at_once)
+    np.testing.assert_array_equal(bench.engine.predict(bench.segments, starts, candidates), at_once)
 
 
 def test_a_failed_simulation_is_nan_and_leaves_the_others_alone(bench) -> None:
     starts = np.repeat(bench.nominal.starts[None], 2, axis=0)
     starts[1, 2, 1] = np.inf
-    read, _ = bench.engine.predict(bench.segments, starts, [NOMINAL, NOMINAL])
+    read = bench.engine.predict(bench.segments, starts, [NOMINAL, NOMINAL])
     assert np.isnan(read[1, 2, 1:]).all()
     others = np.arange(bench.segments.size) != 2
     np.testing.assert_array_equal(read[1, others], read[0, others])
@@ -125,9 +126,9 @@ def test_a_stride_of_two_rows_agrees_with_every_row(bench) -> None:
     rk4 = int(mujoco.mjtIntegrator.mjINT_RK4)
     model = mujoco.MjModel.from_xml_string(bench.xml)
     one, two = (Engine(model, bench.engine.channels, 1, 1, rk4, stride) for stride in (1, 2))
-    reads = [e.predict(bench.segments, bench.nominal.starts[None], [NOMINAL]) for e in (one, two)]
-    assert np.abs(reads[0][0] - reads[1][0]).max() < 0.4 * bench.noise
-    np.testing.assert_allclose(reads[0][1], reads[1][1], atol=0.05)
+    near, far = (e.trajectories(bench.segments, bench.nominal.starts, NOMINAL) for e in (one, two))
+    assert np.abs(near[..., 0] - far[..., 0]).max() < 0.4 * bench.noise
+    np.testing.assert_allclose(near[..., 1], far[..., 1], atol=0.05)
 
 
 def test_runs_hold_what_the_limits_of_the_actuators_let_pass(bench, record) -> None:
@@ -143,7 +144,7 @@ def test_runs_hold_what_the_limits_of_the_actuators_let_pass(bench, record) -> N
 def test_a_leapfrog_is_of_second_order(clean, stride) -> None:
     """Once the initial states are fitted, the error to a fine simulation is a small part of plain Euler's."""
     model, channels = clean.machine.model, clean.engine.channels
-    fine = Engine(model, channels, 10, 1).predict(clean.segments, clean.nominal.starts[None], [NOMINAL])[0][0]
+    fine = Engine(model, channels, 10, 1).predict(clean.segments, clean.nominal.starts[None], [NOMINAL])[0]
     segments = dataclasses.replace(clean.segments, position=fine)
     errors = {}
     for late in (False, True):
@@ -164,18 +165,18 @@ def test_what_an_effect_edits_leaves_no_trace_in_a_leapfrog(clean) -> None:
     text = clean.xml.replace('name="hip"', 'name="hip" damping="40" frictionloss="0.6"', 1)
     late = Engine(mujoco.MjModel.from_xml_string(text), clean.engine.channels, 1, 1, late=True)
     where = (clean.segments, clean.nominal.starts[None])
-    before = late.predict(*where, [NOMINAL])[0]
+    before = late.predict(*where, [NOMINAL])
     load = clean.effect("payload_mass", "body:rod")
     late.predict(*where, [Candidate((load,), (load.seeds[0],))])
-    np.testing.assert_array_equal(late.predict(*where, [NOMINAL])[0], before)
+    np.testing.assert_array_equal(late.predict(*where, [NOMINAL]), before)
 
 
 def test_a_leapfrog_is_runge_kutta_to_mujoco_alone(clean) -> None:
     model, channels, where = clean.machine.model, clean.engine.channels, (clean.segments, clean.nominal.starts[None])
     late = Engine(model, channels, 3, 1, late=True)
-    expected = Engine(model, channels, 3, 1, int(mujoco.mjtIntegrator.mjINT_RK4)).predict(*where, [NOMINAL])[0]
-    np.testing.assert_array_equal(late.without_leapfrog().predict(*where, [NOMINAL])[0], expected)
-    assert not np.array_equal(late.predict(*where, [NOMINAL])[0], expected)
+    expected = Engine(model, channels, 3, 1, int(mujoco.mjtIntegrator.mjINT_RK4)).predict(*where, [NOMINAL])
+    np.testing.assert_array_equal(late.without_leapfrog().predict(*where, [NOMINAL]), expected)
+    assert not np.array_equal(late.predict(*where, [NOMINAL]), expected)
     assert clean.engine.without_leapfrog() is clean.engine
 
 
@@ -198,9 +199,9 @@ def test_runs_of_other_rates_do_not_change_how_a_leapfrog_damps(clean) -> None:
         fast, **{name: np.concatenate([getattr(fast, name), getattr(slow, name)]) for name in names}
     )
     starts = clean.nominal.starts
-    together = engine.predict(both, np.concatenate([starts, starts])[None], [NOMINAL])[0][0]
+    together = engine.predict(both, np.concatenate([starts, starts])[None], [NOMINAL])[0]
     for part, alone in ((together[: fast.size], fast), (together[fast.size :], slow)):
-        np.testing.assert_allclose(part, engine.predict(alone, starts[None], [NOMINAL])[0][0], rtol=0, atol=1e-12)
+        np.testing.assert_allclose(part, engine.predict(alone, starts[None], [NOMINAL])[0], rtol=0, atol=1e-12)
 
 
 def test_a_force_that_is_held_over_steps_of_runge_kutta_is_that_of_their_middle(bench) -> None:
@@ -213,7 +214,7 @@ def test_a_force_that_is_held_over_steps_of_runge_kutta_is_that_of_their_middle(
     starts, read = np.repeat(bench.nominal.starts[None], 2, axis=0), []
     for substeps in (1, 2, 32):
         engine = Engine(bench.machine.model, bench.engine.channels, substeps, 1)
-        read.append(engine.predict(bench.segments, starts, candidates)[0])
+        read.append(engine.predict(bench.segments, starts, candidates))
     errors = [np.abs(some - read[-1]).max(axis=(1, 2, 3)) for some in read[:2]]
     assert (errors[0] > 2.5 * errors[1]).all()
 
@@ -256,7 +257,7 @@ def test_a_gap_is_the_same_in_longer_steps_of_runge_kutta(bench, monkeypatch) ->
 
     def read(substeps: int) -> np.ndarray:
         engine = Engine(bench.machine.model, bench.engine.channels, substeps, 1)
-        return engine.predict(bench.segments, bench.nominal.starts[None], [candidate])[0]
+        return engine.predict(bench.segments, bench.nominal.starts[None], [candidate])
 
     wanted = read(64)
     found = np.sqrt(np.nanmean((read(2) - wanted) ** 2))
@@ -293,13 +294,13 @@ def test_short_segments_do_not_wait_for_long_ones(bench) -> None:
     push = np.random.default_rng(0).normal(size=(segments.size, segments.intervals, 1))
     candidates, starts = [Candidate(force=push), NOMINAL], bench.engine.starts(segments)
     engine = Engine(bench.engine.model, bench.engine.channels, 1, 1)
-    together = engine.predict(segments, np.stack([starts, starts]), candidates)[0]
+    together = engine.predict(segments, np.stack([starts, starts]), candidates)
     rows = segments.lengths
     assert len(set(rows)) > 1
     assert rows.sum() < 0.7 * segments.size * segments.intervals
     assert engine.work == 2 * engine.steps_in(segments) == 2 * 4 * rows.sum()  # Runge-Kutta's
     for s in (0, 1, segments.size - 1):
         alone = segments.pick(np.array([s]))
-        (mine,) = engine.predict(alone, starts[None, [s]], [candidates[0].pick(np.array([s]))])[0][0]
+        (mine,) = engine.predict(alone, starts[None, [s]], [candidates[0].pick(np.array([s]))])[0]
         np.testing.assert_array_equal(together[0, s], mine)
         assert (together[:, s, rows[s] :] == together[:, s, [rows[s]]]).all()

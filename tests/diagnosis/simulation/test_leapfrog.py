@@ -24,7 +24,7 @@ def error(clean, model: mujoco.MjModel, steps: int, stride: int = 1, effects=(),
     """What a form leaves of a fine simulation, once its initial states are fitted to that."""
     candidate = dataclasses.replace(clean.nominal.candidate, effects=effects, values=values)
     exact = Engine(model, clean.engine.channels, 40, 1, int(mujoco.mjtIntegrator.mjINT_RK4))
-    truth = exact.predict(clean.segments, clean.nominal.starts[None], [candidate])[0][0]
+    truth = exact.predict(clean.segments, clean.nominal.starts[None], [candidate])[0]
     form = Engine(model, clean.engine.channels, steps, 1, stride=stride, late=True)
     segments = dataclasses.replace(clean.segments, position=truth)
     shooting = dataclasses.replace(clean.shooting, engine=form, segments=segments)

@@ -13,7 +13,8 @@ from torch_activegp.diagnosis.inputs.runs import Channels, Run, make_run
 from torch_activegp.diagnosis.inputs.segments import cut
 from torch_activegp.diagnosis.noise.model import NoiseModel
 from torch_activegp.diagnosis.shooting.likelihood import Shooting
-from torch_activegp.diagnosis.simulation.engine import NOMINAL, Candidate, Engine
+from torch_activegp.diagnosis.simulation.candidate import NOMINAL, Candidate
+from torch_activegp.diagnosis.simulation.engine import Engine
 from torch_activegp.diagnosis.simulation.prescribed_motion import only_on
 
 HELD = 'damping="2" frictionloss="3" stiffness="30" limited="true" range="-1 1"'
@@ -37,7 +38,7 @@ def test_what_the_joint_carries_follows_the_equations(double) -> None:
     engine, run, start, elbow = prepared(double, "RK4", 0.005, HELD)
     for shoulder in (start[0], 0.7):
         begin = np.array([shoulder, start[1], start[2], start[3]])
-        read, _ = engine.predict(cut([run], 9.0, 0.0), begin[None, None], [NOMINAL])
+        read = engine.predict(cut([run], 9.0, 0.0), begin[None, None], [NOMINAL])
         assert read.shape == (1, 1, 101, 1)
         assert np.abs(read[0, 0, :, 0] - elbow).max() < 2e-5
 
@@ -71,7 +72,7 @@ def test_rows_may_be_missing_uneven_or_many_in_a_step(double) -> None:
     run = make_run(some, model, channels)
     assert len(run) == 101 and not run.recorded[20]
     for engine in (Engine(model, channels, 2, 1), Engine(model, channels, 1, 1, stride=2)):
-        read, _ = engine.predict(cut([run], 9.0, 0.0), start[None, None], [NOMINAL])
+        read = engine.predict(cut([run], 9.0, 0.0), start[None, None], [NOMINAL])
         assert np.abs(read[0, 0, rows, 0] - kept["qpos.elbow"]).max() < 5e-3 * engine.stride
 
 
@@ -84,9 +85,8 @@ def test_forces_and_edits_of_candidates_act_on_what_it_carries(double) -> None:
     twist = np.zeros((1, 100, 2))
     twist[..., 1] = 0.1
     starts = np.tile(start, (3, 1, 1))
-    plain, pushed, twisted = engine.predict(segments, starts, [NOMINAL, Candidate(force=push), Candidate(force=twist)])[
-        0
-    ]
+    candidates = [NOMINAL, Candidate(force=push), Candidate(force=twist)]
+    plain, pushed, twisted = engine.predict(segments, starts, candidates)
     np.testing.assert_array_equal(pushed, plain)
     assert np.abs(twisted - plain).max() > 0.01
 
@@ -141,7 +141,7 @@ def test_constraints_of_what_it_carries_are_those_of_the_whole_machine() -> None
     columns = {"time": table[:, 0], "qpos.table": table[:, 1], "qpos.arm": table[:, 2]}
     recording = Recording.from_columns("turn", columns, prescribed=("table",))
     channels = Channels.of(model, [recording])
-    read, _ = Engine(model, channels, 5, 1).predict(
+    read = Engine(model, channels, 5, 1).predict(
         cut([make_run(recording, model, channels)], 9.0, 0.0), table[:1, None, 1:], [NOMINAL]
     )
     assert np.ptp(table[:, 2]) > 0.2

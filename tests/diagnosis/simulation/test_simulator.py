@@ -15,8 +15,8 @@ import torch
 from torch_activegp.diagnosis import Diagnosis, EffectSimulator
 from torch_activegp.diagnosis.inputs.runs import Channels
 from torch_activegp.diagnosis.inputs.source import read_source
+from torch_activegp.diagnosis.simulation.candidate import Candidate
 from torch_activegp.diagnosis.simulation.correction import Form
-from torch_activegp.diagnosis.simulation.engine import Candidate
 from torch_activegp.diagnosis.simulation.simulator import corrected_simulator
 from torch_activegp.errors import ConfigurationError, ShapeError, SimulationError
 from torch_activegp.means import SimulatorMean
@@ -48,6 +48,14 @@ def by_hand(model: mujoco.MjModel, state: np.ndarray, control: np.ndarray, steps
             data.qfrc_applied[:] = -0.5 * (RIGHT - LEFT) * np.abs(data.qvel)
             mujoco.mj_step(model, data)
     return np.concatenate([data.qpos, data.qvel])
+
+
+def test_actions_beyond_the_limits_of_a_drive_do_what_the_limits_let_pass(bench: Any, candidate: Candidate) -> None:
+    model = mujoco.MjModel.from_xml_string(bench.xml.replace("<motor", '<motor ctrllimited="true" ctrlrange="-1 1"'))
+    simulator = EffectSimulator(model, bench.machine.channels, candidate, dt=0.01, substeps=2)
+    states = torch.tensor([[0.3, 1.5]], dtype=torch.float64).expand(2, 2)
+    beyond, at = simulator(states, torch.tensor([[5.0], [1.0]], dtype=torch.float64))
+    assert torch.equal(beyond, at)
 
 
 def test_a_step_is_what_mujoco_does_with_the_force_added(simulator: EffectSimulator, model: mujoco.MjModel) -> None:

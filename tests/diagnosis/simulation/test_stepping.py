@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 
 from torch_activegp.diagnosis.simulation import stepping
-from torch_activegp.diagnosis.simulation.engine import NOMINAL, Candidate, Engine
+from torch_activegp.diagnosis.simulation.candidate import NOMINAL, Candidate
+from torch_activegp.diagnosis.simulation.engine import Engine
 
 
 def candidates_on(bench) -> list[Candidate]:
@@ -26,7 +27,7 @@ def both_ways(bench, monkeypatch, engine: Engine, candidates: list[Candidate], s
     out = []
     for fewer in (0, np.inf):
         monkeypatch.setattr(stepping, "_FEWER", fewer)
-        out.append(engine.predict(segments, starts, candidates)[0])
+        out.append(engine.predict(segments, starts, candidates))
     return out
 
 
@@ -77,9 +78,9 @@ def test_inputs_of_several_rows_are_made_together(bench, monkeypatch) -> None:
     monkeypatch.setattr(stepping, "_FEWER", np.inf)
     starts = np.repeat(bench.nominal.starts[None], 5, axis=0)
     monkeypatch.setattr(stepping, "_TOGETHER", 1)
-    one_each = bench.engine.predict(bench.segments, starts, candidates_on(bench))[0]
+    one_each = bench.engine.predict(bench.segments, starts, candidates_on(bench))
     assert calls == [1] * bench.segments.intervals
     monkeypatch.setattr(stepping, "_TOGETHER", 16)
-    together = bench.engine.predict(bench.segments, starts, candidates_on(bench))[0]
+    together = bench.engine.predict(bench.segments, starts, candidates_on(bench))
     assert max(calls) == 16
     np.testing.assert_array_equal(one_each, together)

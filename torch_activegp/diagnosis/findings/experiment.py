@@ -12,7 +12,8 @@ from torch_activegp.diagnosis.inputs.runs import Array, Run, input_addresses
 from torch_activegp.diagnosis.inputs.segments import Segments, cut
 from torch_activegp.diagnosis.noise.model import NoiseModel
 from torch_activegp.diagnosis.shooting.fit import Fit
-from torch_activegp.diagnosis.simulation.engine import Candidate, Engine
+from torch_activegp.diagnosis.simulation.candidate import Candidate
+from torch_activegp.diagnosis.simulation.engine import Engine
 
 SECONDS = 5.0
 _TRIALS, _REPLAYED = 16, 8
@@ -170,7 +171,7 @@ def _apart(
     Returns:
         ``(S,)``, and ``(S, C)`` beyond what is near, m or rad: 0 where all is near, infinite where a simulation fails.
     """
-    predicted = engine.predict(segments, starts, both)[0]
+    predicted = engine.predict(segments, starts, both)
     one, other = predicted
     beyond = np.maximum(predicted - reach[1], reach[0] - predicted)
     away = np.maximum(np.nan_to_num(beyond, nan=np.inf).max(axis=(0, 2)), 0.0)

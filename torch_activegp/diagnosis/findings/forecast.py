@@ -15,7 +15,8 @@ from torch_activegp.diagnosis.inputs.segments import Segments, cut, lay
 from torch_activegp.diagnosis.noise.model import NoiseModel
 from torch_activegp.diagnosis.shooting.fit import Fit
 from torch_activegp.diagnosis.shooting.likelihood import Shooting
-from torch_activegp.diagnosis.simulation.engine import Candidate, Engine
+from torch_activegp.diagnosis.simulation.candidate import Candidate
+from torch_activegp.diagnosis.simulation.engine import Engine
 
 STEP = 0.1
 """One step ahead means at least this long, s: in one sample a machine hardly moves by more than the noise."""
@@ -31,6 +32,10 @@ _ROUGHLY = (0.005, 0.00125)
 """Time steps in which initial states are fitted, s: the first that tell what the engine does."""
 _LOST = 4.0
 """A model whose chi2 per sample is larger on a run does not follow it."""
+_STILL = 3.0
+"""A joint that moves by less than so many times its noise in a run stands still there."""
+FAILED = 1e9
+"""The error of a simulation that fails, in standard deviations as all errors are."""
 _ALIKE = 0.2
 """Part of a chi2, and of the number of samples, by which it may differ in shorter steps."""
 
@@ -48,7 +53,7 @@ def one_step(
     before = np.arange(windows.intervals + 1) <= ends[:, :1]
     seen = dataclasses.replace(windows, counts=windows.counts & before)
     starts = _Beginnings(engine, noise, candidates, median_step(runs)).fit(seen, engine.starts(windows))
-    predicted, _ = engine.predict(windows, starts, candidates)
+    predicted = engine.predict(windows, starts, candidates)
     errors = windows.position[each, ends[:, 1]] - predicted[:, each, ends[:, 1]]
     rows = windows.first + ends[:, 1]
     own = [windows.run == number for number in range(len(runs))]
@@ -94,7 +99,7 @@ def free_run(
     if lost.size and lengths:
         others, other = _followed(begin.of(lost), runs, lengths)
         starts[lost] = np.where((other < chi2[lost])[..., None], others, starts[lost])
-    predicted, _ = engine.predict(whole, starts, candidates)
+    predicted = engine.predict(whole, starts, candidates)
     return [
         [(path[i, : len(run)], begin[i]) for i, run in enumerate(runs)]
         for path, begin in zip(predicted, starts, strict=True)
@@ -152,7 +157,7 @@ class _Beginnings:
 def _agrees(shooting: Shooting, fits: Sequence[Fit]) -> NDArray[np.bool_]:
     """Whether a likelihood sees fits that were made with other time steps as those did, ``(N,)``."""
     states = np.stack([fit.starts for fit in fits])
-    predicted, _ = shooting.engine.predict(shooting.segments, states, [fit.candidate for fit in fits])
+    predicted = shooting.engine.predict(shooting.segments, states, [fit.candidate for fit in fits])
     chi2 = (shooting.residuals(predicted) ** 2).sum(axis=-1)
     told = np.stack([fit.per_segment for fit in fits])
     return np.asarray((np.abs(chi2 - told) < _ALIKE * (told + shooting.segments.samples)).all(axis=-1))
@@ -187,7 +192,7 @@ def _better(shooting: Shooting, candidates: Sequence[Candidate], one: Array, oth
 
 def _chi2(shooting: Shooting, candidates: Sequence[Candidate], states: Array) -> Array:
     """Chi2 of candidates from their initial states, ``(N, S)``; infinite where a simulation fails."""
-    predicted, _ = shooting.engine.predict(shooting.segments, states, candidates)
+    predicted = shooting.engine.predict(shooting.segments, states, candidates)
     return np.nan_to_num((shooting.residuals(predicted) ** 2).sum(axis=-1), nan=np.inf)
 
 
@@ -203,11 +208,13 @@ def compare(
         noise: noise of the recordings.
 
     Returns:
-        The ``holdout`` entry of ``diagnosis.json``, and traces as the report draws them.
+        The ``holdout`` entry of ``diagnosis.json``, and traces as the report draws them. A joint that stands still in a
+        run counts in nothing over all, unless all do in all runs, and its own errors are in units of its noise; those
+        of a simulation that fails are 1e9.
     """
     entries: list[dict[str, Any]] = []
     traces: list[dict[str, Any]] = []
-    sums: dict[tuple[str, str], list[float]] = {}
+    counted: list[bool] = []
     units = next(iter(models.values()))[0].channels.units
     free: dict[str, list[tuple[Array, Array]]] = {}
     ahead: dict[str, list[Array]] = {}
@@ -219,23 +226,26 @@ def compare(
         free |= {name: paths[id(candidate)] for name, candidate in some.items()}
         ahead |= {name: steps[id(candidate)] for name, candidate in some.items()}
     for number, run in enumerate(runs):
-        spread = np.maximum(run.position[run.counted].std(axis=0), 1e-12)
+        spread = run.position[run.counted].std(axis=0)
+        still = spread < _STILL * noise.scale
+        spread = np.where(still, noise.scale, spread)
         frees = {name: some[number] for name, some in free.items()}
         for c, joint in enumerate(joints):
             entry: dict[str, Any] = {"run": run.label, "channel": f"qpos.{joint}", "one_step": {}, "free_run": {}}
             for name in models:
                 far = run.position[run.counted, c] - frees[name][0][run.counted, c]
-                entry["one_step"][name] = _rms(ahead[name][number][:, c]) / spread[c]
-                entry["free_run"][name] = _rms(far) / spread[c]
+                entry["one_step"][name] = _rms(ahead[name][number][:, c] / spread[c])
+                entry["free_run"][name] = _rms(far / spread[c])
             for kind in ("one_step", "free_run"):
                 entry[kind]["noise"] = float(noise.scale[c] / spread[c])
-                for name, value in entry[kind].items():
-                    sums.setdefault((kind, name), []).append(value)
             entries.append(entry)
+            counted.append(not still[c])
             traces.append(_trace(run, c, f"qpos.{joint}", units[c], frees, float(noise.scale[c])))
-    overall: dict[str, Any] = {"one_step": {}, "free_run": {}}
-    for (kind, name), values in sums.items():
-        overall[kind][name] = _rms(np.array(values))
+    counting = [entry for entry, counts in zip(entries, counted, strict=True) if counts] or entries
+    overall: dict[str, Any] = {
+        kind: {name: _rms(np.array([entry[kind][name] for entry in counting])) for name in (*models, "noise")}
+        for kind in ("one_step", "free_run")
+    }
     overall["runs"] = entries
     overall["step_seconds"] = STEP
     return overall, traces
@@ -243,7 +253,7 @@ def compare(
 
 def _rms(values: Array) -> float:
     value = float(np.sqrt(np.mean(values**2)))
-    return value if np.isfinite(value) else 1e9
+    return min(value, FAILED) if np.isfinite(value) else FAILED
 
 
 def _trace(

@@ -70,15 +70,16 @@ def _numerics_note(explanation: Explanation, model: mujoco.MjModel) -> list[str]
     engine = explanation.engine
     if isinstance(engine, BlackBoxEngine):
         return [
-            f"The recordings agree better with {engine.box.name} if its controls come half a time step later, as they "
-            "should where it integrates by semi-implicit Euler; that difference is discretisation and is not named. "
-            "The corrected simulator keeps the controls as they are."
+            f"The effects were fitted with the controls of {engine.box.name} half a time step later, as they should "
+            "come where it integrates by semi-implicit Euler: the recordings agree with that as well or better. That "
+            "difference is discretisation and is not named. Forecasts and the corrected simulator keep the controls "
+            "as they are."
         ]
     firmly = " and with dry friction in its joints that sticks firmly, where MuJoCo lets it creep" * explanation.firm
     return [
-        f"The recordings agree better with the model integrated {_how(explanation)}{firmly} than as it stands (by "
-        f"{_SCHEMES[int(model.opt.integrator)]} in steps of {model.opt.timestep:g} s); that difference is one of "
-        "numerics and is not named."
+        f"The effects were fitted with the model integrated {_how(explanation)}{firmly}: the recordings agree with "
+        f"that as well as with the model as it stands (by {_SCHEMES[int(model.opt.integrator)]} in steps of "
+        f"{model.opt.timestep:g} s), or better. That difference is one of numerics and is not named."
     ]
 
 

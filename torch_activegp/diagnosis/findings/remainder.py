@@ -14,9 +14,8 @@ from torch_activegp.diagnosis.shooting.elimination import eliminate
 from torch_activegp.diagnosis.shooting.fit import Fit
 from torch_activegp.diagnosis.shooting.likelihood import Shooting
 from torch_activegp.diagnosis.shooting.linearize import linearize
-from torch_activegp.diagnosis.simulation.engine import Candidate
+from torch_activegp.diagnosis.simulation.candidate import Candidate
 from torch_activegp.diagnosis.simulation.force_gp import Bins, ForceGP, Remainder
-from torch_activegp.physics.effect import Effect, Index, Step
 
 _BIN = 0.04
 _MOST_BINS = 3000
@@ -97,31 +96,6 @@ def _affordable(shooting: Shooting) -> tuple[Shooting, NDArray[np.int64]]:
     return shooting.subset(min(most / shooting.segments.size, 1.0))
 
 
-@dataclasses.dataclass(frozen=True, eq=False)
-class _Listener(Effect):
-    """Hears the controls that reach the machine."""
-
-    heard: list[Array] = dataclasses.field(default_factory=list)
-
-    needs_steps = True
-
-    def before_step(self, step: Step, rows: Index, values: Array, memory: Array | None) -> None:
-        self.heard.append(step.ctrl[rows].copy())
-
-
-def _controls(shooting: Shooting, fit: Fit) -> Array:
-    """Controls after the effects on the way to the machine, mean of each interval, ``(S, K, nu)``."""
-    if not shooting.engine.model.nu:
-        return np.zeros((shooting.segments.size, shooting.segments.intervals, 0))
-    listener = _Listener("world", (), np.zeros((0, 0)))
-    engine, segments = shooting.engine, shooting.segments
-    base = fit.candidate
-    engine.trajectories(segments, fit.starts, Candidate((*base.effects, listener), (*base.values, np.zeros(0))))
-    heard = np.stack(listener.heard)
-    steps = heard.reshape(-1, engine.substeps, segments.size, heard.shape[-1]).mean(1)
-    return np.repeat(steps, engine.stride, axis=0)[: segments.intervals].transpose(1, 0, 2)
-
-
 def _bins(shooting: Shooting, fit: Fit) -> Bins:
     segments, count = shooting.segments, len(shooting.engine.channels.joints)
     linear = linearize(shooting, fit)
@@ -133,7 +107,7 @@ def _bins(shooting: Shooting, fit: Fit) -> Bins:
     starts = shooting.whiten_columns(linear.respond_to_start())
     result = eliminate(starts, shooting.whiten_columns(moved), shooting.residual_of(fit))
     middle = [0.5 * (x[:, 1:] + x[:, :-1]) for x in (segments.take("smooth"), segments.take("velocity"))]
-    inputs = np.concatenate([*middle, _controls(shooting, fit)], axis=-1)
+    inputs = np.concatenate([*middle, shooting.engine.controls(segments, fit.candidate)], axis=-1)
     mean = np.einsum("kb,skd->sbd", held[0] / held[0].sum(0), inputs)
     shape = (segments.size, count, number)
     return Bins(mean, result.normal.reshape(*shape, count, number), result.gradient.reshape(shape))

@@ -8,6 +8,7 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
+from torch_activegp.diagnosis.findings.refit import Refits, refit
 from torch_activegp.diagnosis.inputs.segments import Segments
 from torch_activegp.diagnosis.result import EffectStability, Spread, Stability
 from torch_activegp.diagnosis.selection.compared import Selection, fitted
@@ -15,7 +16,6 @@ from torch_activegp.diagnosis.selection.intervals import standard_errors
 from torch_activegp.diagnosis.selection.judge import Judgement
 from torch_activegp.diagnosis.shooting.fit import Fit
 from torch_activegp.diagnosis.shooting.likelihood import Shooting
-from torch_activegp.diagnosis.shooting.refit import Refits, refit
 from torch_activegp.diagnosis.shooting.score import Score
 from torch_activegp.physics.effect import Effect
 

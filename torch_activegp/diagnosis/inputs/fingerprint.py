@@ -22,7 +22,8 @@ from torch_activegp.diagnosis.inputs.source import Source
 from torch_activegp.physics.effect import Effect
 
 _PACKAGES = ("mujoco", "numpy", "scipy", "torch", "gpytorch")
-_OURS = Path(__file__).resolve().parents[1]
+_OURS = next(folder for folder in Path(__file__).resolve().parents if folder.name == __name__.partition(".")[0])
+"""The package's own folder: what computes lies in all of it."""
 
 
 def fingerprint(source: Source, machine: Machine, effects: Sequence[Effect], *options: object) -> str:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import math
 from collections.abc import Sequence
 from pathlib import Path
 
@@ -11,6 +12,7 @@ import numpy as np
 
 from torch_activegp.data import Recording
 from torch_activegp.diagnosis.inputs.blackbox import BlackBox, check_clock, check_rates, check_recordings
+from torch_activegp.diagnosis.inputs.own_filters import check_drives
 from torch_activegp.diagnosis.inputs.runs import MIN_ROWS, Channels, Run, input_addresses, make_run
 from torch_activegp.diagnosis.inputs.wrong_controls import doubt_controls
 from torch_activegp.diagnosis.inputs.wrong_signs import check_signs
@@ -84,22 +86,8 @@ def make_machine(
     if not recordings:
         raise DataError("no recording to fit. Give at least one run of the machine.")
     channels = Channels.of(model, [*recordings, *holdout])
-    notes: list[str] = []
-    recordings, holdout = _long_enough(recordings, notes), _long_enough(holdout, notes)
-    if channels.prescribed is not None:
-        notes.append(_prescribed(channels.prescribed))
-    notes += recording_notes(model, [*recordings, *holdout])
-    fit = [make_run(recording, model, channels) for recording in recordings]
-    kept = [make_run(recording, model, channels) for recording in holdout]
-    notes += [f"{run.label}: {note}" for run in [*fit, *kept] for note in run.notes]
-    _refuse_constant(fit, channels)
-    if box is None:
-        notes += _doubts(model, channels, fit, kept)
-    else:
-        check_recordings(box, [*recordings, *holdout])
-        check_clock(box, [*fit, *kept])
-        check_rates(box, channels, fit)
-        notes += box.notes()
+    (fit, kept), notes = lay_over(model, channels, (recordings, holdout), box)
+    notes += box.notes() if box is not None else _doubts(model, channels, fit, kept)
     if not kept:
         fit, kept, note = _set_aside(fit)
         notes.append(note)
@@ -110,6 +98,44 @@ def make_machine(
             "in which every joint moves to and fro."
         )
     return Machine(model, channels, tuple(fit), tuple(kept), tuple(dict.fromkeys(notes)), box)
+
+
+def lay_over(
+    model: mujoco.MjModel, channels: Channels, lists: Sequence[Sequence[Recording]], box: BlackBox | None = None
+) -> tuple[list[list[Run]], list[str]]:
+    """Lays lists of recordings over a model, all on one clock, that of the fastest.
+
+    Args:
+        model: compiled nominal model.
+        channels: the joints that all recordings hold.
+        lists: of recordings; the joints move in those of the first one.
+        box: the simulator that the model stands for, where that is not MuJoCo.
+
+    Returns:
+        The same lists of runs, and what was decided about the recordings.
+
+    Raises:
+        DataError: a recording is too short, does not move, or does not lie on the clock of a black box.
+        ConfigurationError: a black box moves its positions otherwise than its velocities say, or a drive keeps a state
+            that no recording holds.
+    """
+    notes: list[str] = []
+    lists = [_long_enough(recordings, notes) for recordings in lists]
+    every = [recording for recordings in lists for recording in recordings]
+    if channels.prescribed is not None:
+        notes.append(_prescribed(channels.prescribed))
+    notes += recording_notes(model, every)
+    clock = min(float(recording.time.diff().median()) for recording in every if len(recording) > 1)
+    runs = [[make_run(recording, model, channels, clock) for recording in recordings] for recordings in lists]
+    laid = [run for some in runs for run in some]
+    notes += [f"{run.label}: {note}" for run in laid for note in run.notes]
+    _refuse_constant(runs[0], channels)
+    check_drives(model, laid)
+    if box is not None:
+        check_recordings(box, every)
+        check_clock(box, laid)
+        check_rates(box, channels, runs[0])
+    return runs, notes
 
 
 def _doubts(model: mujoco.MjModel, channels: Channels, fit: Sequence[Run], kept: Sequence[Run]) -> list[str]:
@@ -181,12 +207,18 @@ def _refuse_constant(runs: Sequence[Run], channels: Channels) -> None:
 
 
 def _set_aside(runs: list[Run]) -> tuple[list[Run], list[Run], str]:
+    """What to fit, what is only forecast, and a sentence that says which; raises a `DataError` where that is short."""
     if len(runs) >= 3:
         count = max(round(_SHARE * len(runs)), 1)
         kept = runs[-count:]
         return runs[:-count], kept, f"No --holdout: set aside {', '.join(run.label for run in kept)}."
     longest = max(range(len(runs)), key=lambda i: len(runs[i]))
     cut = int((1 - _SHARE) * len(runs[longest]))
+    if len(runs[longest]) - cut < MIN_ROWS:
+        raise DataError(
+            f"{runs[longest].label}: too short to set the last fifth of it aside, {len(runs[longest])} rows found, "
+            f"{math.ceil(MIN_ROWS / _SHARE)} wanted. Record longer, or give runs to forecast with --holdout."
+        )
     head, tail = _part(runs[longest], 0, cut, "first part"), _part(runs[longest], cut, len(runs[longest]), "last part")
     others = [run for i, run in enumerate(runs) if i != longest]
     return [*others, head], [tail], f"No --holdout and few runs: set aside the last fifth of {runs[longest].label}."

@@ -132,20 +132,28 @@ class Run:
         return len(self.time)
 
 
-def make_run(recording: Recording, model: mujoco.MjModel, channels: Channels) -> Run:
+def make_run(recording: Recording, model: mujoco.MjModel, channels: Channels, clock: float | None = None) -> Run:
     """Lays a recording over a model.
 
     The motion of prescribed joints is followed more closely than that of the others, which only guides first guesses. A
     dropped row (a step of more than 1.5 median steps) is filled with rows that hold the control and count for
-    nothing; so do rows in which a position is a glitch.
+    nothing; so do rows in which a position is a glitch, and rows between those of a recording that is slower than the
+    clock.
+
+    Args:
+        recording: the run.
+        model: that it is laid over.
+        channels: the joints that all recordings hold.
+        clock: time between the rows of the fastest recording, s: all runs are simulated in the same time steps, some in
+            an interval. None for the recording's own.
 
     Raises:
         DataError: too short, or an external force on a joint that the model does not have.
     """
-    run = _laid(recording, model, channels, smooth)
+    run = _laid(recording, model, channels, smooth, clock)
     if channels.prescribed is None:
         return run
-    given = _laid(recording, model, channels.prescribed, follow)
+    given = _laid(recording, model, channels.prescribed, follow, clock)
     poses = np.tile(model.qpos0, (len(run), 1))
     poses[:, channels.qpos], poses[:, channels.prescribed.qpos] = run.smooth, given.smooth
     carried = coupling(model, poses, channels.dof, channels.prescribed.dof)
@@ -153,7 +161,9 @@ def make_run(recording: Recording, model: mujoco.MjModel, channels: Channels) ->
     return dataclasses.replace(run, prescribed=given, coupling=carried, notes=notes)
 
 
-def _laid(recording: Recording, model: mujoco.MjModel, channels: Channels, smoother: Smoother) -> Run:
+def _laid(
+    recording: Recording, model: mujoco.MjModel, channels: Channels, smoother: Smoother, clock: float | None
+) -> Run:
     if len(recording) < MIN_ROWS:
         raise DataError(f"{recording.label}: too short, {len(recording)} rows found, {MIN_ROWS} wanted. Record longer.")
     step = float(np.median(np.diff(recording.time.numpy())))
@@ -184,17 +194,17 @@ def _laid(recording: Recording, model: mujoco.MjModel, channels: Channels, smoot
     slopes, values = zip(
         *(smoother(time, signal, sigma) for signal, sigma in zip(position.T, noise, strict=True)), strict=True
     )
-    index, clock = _filled(time)
+    index, filled = _filled(time, clock)
     glitch = np.zeros_like(index)
     glitch[index] = found.lost.any(axis=1)
-    held = np.minimum(np.searchsorted(time, clock + 1e-12, side="right") - 1, len(time) - 1)
+    held = np.minimum(np.searchsorted(time, filled + 1e-12, side="right") - 1, len(time) - 1)
     return Run(
         label=recording.label,
-        time=clock - clock[0],
-        position=_interpolate(clock, time, position),
+        time=filled - filled[0],
+        position=_interpolate(filled, time, position),
         recorded=index,
-        velocity=_interpolate(clock, time, np.stack(slopes, axis=1)),
-        smooth=_interpolate(clock, time, np.stack(values, axis=1)),
+        velocity=_interpolate(filled, time, np.stack(slopes, axis=1)),
+        smooth=_interpolate(filled, time, np.stack(values, axis=1)),
         control=control[held[:-1]],
         force=force[held[:-1]],
         noise=noise,
@@ -263,15 +273,17 @@ def _prescribed(recordings: Sequence[Recording]) -> set[str]:
     return set(first.prescribed)
 
 
-def _filled(time: Array) -> tuple[NDArray[np.bool_], Array]:
+def _filled(time: Array, clock: float | None) -> tuple[NDArray[np.bool_], Array]:
     steps = np.diff(time)
-    count = np.maximum(np.rint(steps / np.median(steps)), 1).astype(int)
-    count[steps <= _MISSING * np.median(steps)] = 1
-    clock, recorded = [time[:1]], [True]
-    for start, step, n in zip(time[:-1], steps, count, strict=True):
-        clock.append(start + step * np.arange(1, n + 1) / n)
+    own = float(np.median(steps))
+    step = own if clock is None or own <= _MISSING * clock else clock
+    count = np.maximum(np.rint(steps / step), 1).astype(int)
+    count[steps <= _MISSING * step] = 1
+    rows, recorded = [time[:1]], [True]
+    for start, length, n in zip(time[:-1], steps, count, strict=True):
+        rows.append(start + length * np.arange(1, n + 1) / n)
         recorded += [False] * (n - 1) + [True]
-    return np.array(recorded), np.concatenate(clock)
+    return np.array(recorded), np.concatenate(rows)
 
 
 def _interpolate(clock: Array, time: Array, values: Array) -> Array:

@@ -11,7 +11,8 @@ from numpy.typing import NDArray
 
 from torch_activegp.diagnosis.inputs.runs import Array, Run
 
-_LEAST = 12
+_LEAST, _LEAST_COUNTED = 12, 6
+"""Intervals in a segment that another one was cut into, and recorded rows."""
 _FAR_OFF = 30.0
 _A_CALL, _WORTH_A_CALL = 32, 0.9
 """Simulations that take as long as what a time step of many costs besides; and the part of the time that is left where
@@ -135,8 +136,9 @@ def halve(segments: Segments, which: NDArray[np.bool_]) -> Segments:
     """
     pieces: list[tuple[int, int, int, int]] = []
     for number, first, (a, b), cut_it in zip(segments.run, segments.first, segments.scored, which, strict=True):
-        middle = (a + b) // 2
-        parts = [(a, middle), (middle, b)] if cut_it and b - a >= 2 * _LEAST else [(a, b)]
+        middle, counted = (a + b) // 2, segments.runs[number].counted
+        enough = b - a >= 2 * _LEAST and min(counted[a:middle].sum(), counted[middle:b].sum()) >= _LEAST_COUNTED
+        parts = [(a, middle), (middle, b)] if cut_it and enough else [(a, b)]
         pieces += [(int(number), int(c - (a - first)), int(c), int(d)) for c, d in parts]
     return lay(segments.runs, pieces)
 

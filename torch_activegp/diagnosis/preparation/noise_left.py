@@ -143,7 +143,7 @@ def _filtered(left: _Left, thought: _Noise, floor: _Noise) -> _Noise | None:
 
 def _left(shooting: Shooting, fit: Fit) -> list[_Left]:
     """What is left of each channel; none where too little is known of it."""
-    predicted, _ = shooting.engine.predict(shooting.segments, fit.starts[None], [fit.candidate])
+    predicted = shooting.engine.predict(shooting.segments, fit.starts[None], [fit.candidate])
     offset = 0.0 if shooting.offset is None else shooting.offset
     residual, counts = shooting.segments.position - offset - predicted[0], shooting.segments.counts
     usable = np.asarray(counts[:, 2:] & counts[:, 1:-1] & counts[:, :-2])

@@ -113,6 +113,7 @@ def explain(
         return _start(machine, numerics, noise, effects, long, tell)
 
     def select_from(start: _Start) -> Selection:
+        _refuse_failed(start.shooting.segments, start.nominal)
         return select(start.shooting, effects, start.nominal, start.sets, start.first, tell, start.free)
 
     def name() -> tuple[_Start, Selection]:
@@ -154,12 +155,12 @@ def _start(
     hint = in_brief_pieces(machine, numerics, noise, effects, tell) if far else None
     sets, free = (hint.sets, hint.free) if hint is not None else ([], frozenset())
     naming = Naming(*numerics.choose(segments, noise, first, first, sets), sets, free)
+    _refuse_failed(naming.shooting.segments, naming.nominal)
     if not sets and (other := noise_behind(naming.shooting, naming.judged, noise, last=True)) is not None:
         noise, long = other, longest(machine, numerics, other, _FAR)
         segments, first = long.segments, long.nominal
         naming = Naming(*numerics.choose(segments, noise, first, first))
     engine, shooting, nominal, judged = naming.engine, naming.shooting, naming.nominal, naming.judged
-    _refuse_failed(shooting.segments, nominal, judged)
     if naming.wants_a_part and not (hint is not None and judged.chi2 < _LED * shooting.dof):
         tell("naming on a part of the data")
         naming = on_a_part(naming, numerics, noise, effects, tell)
@@ -224,7 +225,7 @@ def _finish(
         if not (settled or lost):
             known = (engine, shooting)
             again, other, bare, judged = numerics.choose(shooting.segments, shooting.noise, best, nominal, first, known)
-            if again is not engine:
+            if again is not engine and np.isfinite(bare.chi2):
                 engine, shooting, nominal = again, other, bare
                 tell("naming with the numerics seen behind the effects")
                 rest = besides(first, judged)
@@ -239,9 +240,9 @@ def _finish(
     return Explanation(engine, shooting, selection, tuple(effects), fine, firm)
 
 
-def _refuse_failed(segments: Segments, nominal: Fit, judged: Fit) -> None:
-    """Raises a `SimulationError` where nothing can be compared: the simulation fails without effects, and with some."""
-    if np.isfinite(nominal.chi2) or np.isfinite(judged.chi2):
+def _refuse_failed(segments: Segments, nominal: Fit) -> None:
+    """Raises a `SimulationError` where nothing can be compared: the simulation fails without effects."""
+    if np.isfinite(nominal.chi2):
         return
     worst = int(np.argmax(nominal.per_segment))
     run, first = segments.runs[segments.run[worst]], segments.first[worst]

@@ -11,6 +11,7 @@ from scipy import stats
 
 from torch_activegp.diagnosis.preparation.noise_left import recoloured
 from torch_activegp.diagnosis.selection.compared import Selection, fitted
+from torch_activegp.diagnosis.selection.free_force import free_force_columns
 from torch_activegp.diagnosis.selection.intervals import is_certain
 from torch_activegp.diagnosis.selection.prospects import MAX_EFFECTS
 from torch_activegp.diagnosis.selection.ties import swapped, ties_of
@@ -18,7 +19,6 @@ from torch_activegp.diagnosis.selection.tuning import is_a_tuning
 from torch_activegp.diagnosis.shooting.elimination import eliminate, scaled
 from torch_activegp.diagnosis.shooting.fit import Fit
 from torch_activegp.diagnosis.shooting.likelihood import Shooting
-from torch_activegp.diagnosis.shooting.reference import free_force_columns
 from torch_activegp.physics.effect import Effect
 
 LEAST_SHARE = 0.002

@@ -7,11 +7,11 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 
 from torch_activegp.diagnosis.inputs.runs import Array
+from torch_activegp.diagnosis.selection.inertial_forces import change, inertial_forces, with_effects
 from torch_activegp.diagnosis.shooting.fit import Fit
-from torch_activegp.diagnosis.shooting.inertial_forces import change, inertial_forces, with_effects
 from torch_activegp.diagnosis.shooting.likelihood import Shooting
 from torch_activegp.diagnosis.shooting.linearize import Linearization
-from torch_activegp.diagnosis.simulation.engine import Candidate
+from torch_activegp.diagnosis.simulation.candidate import Candidate
 from torch_activegp.diagnosis.simulation.readings import readings
 from torch_activegp.physics.actuator import ActuatorEffect
 from torch_activegp.physics.effect import Effect
@@ -76,7 +76,7 @@ def effect_columns(
         base = fit.candidate
         more = [Candidate((*base.effects, wanted[i][0]), (*base.values, wanted[i][1])) for i in simulated]
         starts = np.repeat(fit.starts[None], 1 + len(more), axis=0)
-        predicted, _ = shooting.differences.predict(shooting.segments, starts, [base, *more])
+        predicted = shooting.differences.predict(shooting.segments, starts, [base, *more])
         out[..., simulated] = np.moveaxis(predicted[1:] - predicted[0], 0, -1)
     return out
 
@@ -203,5 +203,5 @@ def parameter_columns(shooting: Shooting, fit: Fit) -> Array:
             moved[k][i] += parameter.step(float(fit.values[k][i]))
             moves.append(Candidate(fit.effects, tuple(moved)))
     starts = np.repeat(fit.starts[None], 1 + len(moves), axis=0)
-    predicted, _ = shooting.differences.predict(shooting.segments, starts, [fit.candidate, *moves])
+    predicted = shooting.differences.predict(shooting.segments, starts, [fit.candidate, *moves])
     return np.moveaxis(predicted[1:] - predicted[0], 0, -1)

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from torch_activegp.diagnosis.inputs.runs import Array
 from torch_activegp.diagnosis.shooting.point import total
-from torch_activegp.diagnosis.simulation.engine import Candidate
+from torch_activegp.diagnosis.simulation.candidate import Candidate
 from torch_activegp.physics.effect import Effect
 
 _ABOUT, _SHAPED = 0.1, 0.01

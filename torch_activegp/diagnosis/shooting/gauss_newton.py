@@ -17,7 +17,7 @@ from torch_activegp.diagnosis.shooting.following import Follower
 from torch_activegp.diagnosis.shooting.patience import Patience
 from torch_activegp.diagnosis.shooting.point import Likelihood, Point, chi2_of, total
 from torch_activegp.diagnosis.shooting.trust import Trust
-from torch_activegp.diagnosis.simulation.engine import Candidate
+from torch_activegp.diagnosis.simulation.candidate import Candidate
 from torch_activegp.physics.effect import Effect
 
 SETTLE, _MUCH, _LITTLE, _HOPE = 4, 0.02, 0.05, 0.01

@@ -85,7 +85,7 @@ class Shooting:
 
     def residuals_from(self, starts: Array, candidates: Sequence[Candidate]) -> Array:
         """Whitened residuals of N candidates from initial states ``(N, S, nq + nv)``, ``(N, S, M)``."""
-        return self.residuals(self.engine.predict(self.segments, starts, candidates)[0])
+        return self.residuals(self.engine.predict(self.segments, starts, candidates))
 
     def residual_of(self, fit: Fit) -> Array:
         """Whitened residuals of a fit ``(S, M)``, zero where its simulation failed."""
@@ -102,7 +102,7 @@ class Shooting:
 
     def predicted(self, fit: Fit) -> Array:
         """What the sensors would read by a fit, ``(S, K + 1, C)``; NaN in segments whose simulation failed."""
-        return self.engine.predict(self.segments, fit.starts[None], [fit.candidate])[0][0]
+        return self.engine.predict(self.segments, fit.starts[None], [fit.candidate])[0]
 
     def corrected(self, precise: Engine, fit: Fit, exact: Array | None = None) -> Shooting:
         """The same with the error of a coarse engine taken out, as it is at a fit.

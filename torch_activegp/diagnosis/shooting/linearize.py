@@ -12,7 +12,7 @@ from torch_activegp.diagnosis.inputs.runs import Array
 from torch_activegp.diagnosis.inputs.segments import Segments
 from torch_activegp.diagnosis.shooting.fit import Fit
 from torch_activegp.diagnosis.shooting.likelihood import Shooting
-from torch_activegp.diagnosis.simulation.engine import Candidate
+from torch_activegp.diagnosis.simulation.candidate import Candidate
 
 
 @dataclasses.dataclass(frozen=True)

@@ -8,13 +8,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from torch_activegp.diagnosis.inputs.blackbox import BlackBox
-from torch_activegp.diagnosis.inputs.hermite import position_between, velocity_between
 from torch_activegp.diagnosis.inputs.runs import Array, Channels, smoothed
 from torch_activegp.diagnosis.inputs.segments import Segments
 from torch_activegp.diagnosis.simulation.candidate import Candidate, grouped
 from torch_activegp.diagnosis.simulation.controls import Controls, added
 from torch_activegp.diagnosis.simulation.engine import Act, Engine, before_steps
 from torch_activegp.diagnosis.simulation.force_gp import Remainder
+from torch_activegp.diagnosis.simulation.hermite import position_between, velocity_between
 from torch_activegp.errors import ConfigurationError
 from torch_activegp.physics.effect import Index, Step
 from torch_activegp.physics.friction import AsymmetricCoulomb, CoulombFriction, StribeckFriction
@@ -44,12 +44,13 @@ class BlackBoxEngine(Engine):
         self.late = late
 
     def without_leapfrog(self) -> Engine:
-        """Itself: the simulator steps as it does, only its controls may come late."""
-        return self
+        """The same with its controls when they come."""
+        return BlackBoxEngine(self.box, self.channels, self.substeps) if self.late else self
 
     def _simulate(self, segments: Segments, starts: Array, candidates: Sequence[Candidate]) -> Array:
         count, size, intervals = len(candidates), segments.size, segments.intervals
         rows = count * size
+        self.work += rows * intervals * self.substeps
         control = self._controls(segments, candidates)
         force = added(segments.take("force"), [candidate.force for candidate in candidates])
         laws = _Laws(self.channels, segments, candidates)

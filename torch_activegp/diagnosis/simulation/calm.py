@@ -10,9 +10,9 @@ from numpy.typing import NDArray
 
 from torch_activegp.diagnosis.inputs.runs import Array, Channels, Run
 from torch_activegp.diagnosis.inputs.segments import Segments
-from torch_activegp.diagnosis.inputs.touching import touching, widened
 from torch_activegp.diagnosis.simulation.candidate import Candidate
 from torch_activegp.diagnosis.simulation.engine import Engine
+from torch_activegp.diagnosis.simulation.touching import touching, widened
 from torch_activegp.physics.effect import Effect
 
 _MOST_ROWS = 4000

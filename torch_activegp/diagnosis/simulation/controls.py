@@ -8,10 +8,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from torch_activegp.diagnosis.inputs.own_filters import OwnFilter
 from torch_activegp.diagnosis.inputs.runs import Array, Run
 from torch_activegp.diagnosis.inputs.segments import Segments
 from torch_activegp.diagnosis.simulation.candidate import Candidate
-from torch_activegp.diagnosis.simulation.own_filters import OwnFilter
 from torch_activegp.physics.actuator import ActuatorEffect
 from torch_activegp.physics.rotor import Past
 

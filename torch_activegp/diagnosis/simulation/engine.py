@@ -11,13 +11,13 @@ import mujoco.batch
 import numpy as np
 from numpy.typing import NDArray
 
-from torch_activegp.diagnosis.inputs.hermite import fill_rows
+from torch_activegp.diagnosis.inputs.own_filters import own_filters, without_filters
 from torch_activegp.diagnosis.inputs.runs import Array, Channels, Run, median_step, smoothed
 from torch_activegp.diagnosis.inputs.segments import Segments
-from torch_activegp.diagnosis.simulation.candidate import NOMINAL, Candidate, grouped
+from torch_activegp.diagnosis.simulation.candidate import Candidate, grouped
 from torch_activegp.diagnosis.simulation.controls import Controls, Inputs
+from torch_activegp.diagnosis.simulation.hermite import fill_rows
 from torch_activegp.diagnosis.simulation.leapfrog import halve_damping
-from torch_activegp.diagnosis.simulation.own_filters import own_filters, without_filters
 from torch_activegp.diagnosis.simulation.prescribed_motion import RUNGE_KUTTA, PrescribedMotion, make_heavy
 from torch_activegp.diagnosis.simulation.readings import readings
 from torch_activegp.diagnosis.simulation.stepping import Act, Stepping
@@ -136,7 +136,7 @@ class Engine:
                 states[s, model.nq + channels.prescribed.dof] = given.velocity[first]
         return states
 
-    def predict(self, segments: Segments, starts: Array, candidates: Sequence[Candidate]) -> tuple[Array, Array]:
+    def predict(self, segments: Segments, starts: Array, candidates: Sequence[Candidate]) -> Array:
         """Simulates every candidate over every segment.
 
         Args:
@@ -145,20 +145,23 @@ class Engine:
             candidates: N candidates.
 
         Returns:
-            What the sensors would read, ``(N, S, K + 1, C)``, and the velocities of the recorded joints, same shape;
-            NaN in all of a segment whose simulation failed.
+            What the sensors would read, ``(N, S, K + 1, C)``; NaN in all of a segment whose simulation failed.
         """
         channels = self.channels
         memory = segments.size * (segments.intervals + 1) * self.state_size * 8
-        per_call = max(min(_MAX_ROWS // segments.size, _MAX_BYTES // memory), 1)
-        read, speeds = [], []
+        per_call, read = max(min(_MAX_ROWS // segments.size, _MAX_BYTES // memory), 1), []
         for i in range(0, len(candidates), per_call):
             some = candidates[i : i + per_call]
             states = self._apart(segments, starts[i : i + per_call], some)
             position, velocity = states[..., channels.qpos], states[..., self.model.nq + channels.dof]
             read.append(readings(some, position, velocity, segments.dt))
-            speeds.append(velocity)
-        return np.concatenate(read), np.concatenate(speeds)
+        return np.concatenate(read)
+
+    def controls(self, segments: Segments, candidate: Candidate) -> Array:
+        """What reaches the machine behind the effects on the way, mean of each interval, ``(S, K, nu)``."""
+        made = Controls(segments, [candidate], self.substeps, self.model.nu, self.filters if self._exact else ())
+        steps = made(np.arange(segments.intervals * self.substeps))
+        return np.asarray(steps.reshape(segments.size, segments.intervals, self.substeps, -1).mean(axis=2))
 
     def trajectories(self, segments: Segments, starts: Array, candidate: Candidate) -> Array:
         """All states of one candidate, ``(S, K + 1, nq + nv)``."""
@@ -290,6 +293,3 @@ class _Fields:
 def substeps_for(model: mujoco.MjModel, runs: Sequence[Run]) -> int:
     """Time steps of the model in the median interval between rows."""
     return max(round(median_step(runs) / model.opt.timestep), 1)
-
-
-__all__ = ["NOMINAL", "Candidate", "Engine", "substeps_for"]

@@ -14,12 +14,12 @@ import numpy as np
 from torch_activegp.diagnosis.inputs.machine import Machine
 from torch_activegp.diagnosis.inputs.runs import Run, median_step
 from torch_activegp.diagnosis.inputs.segments import cut
-from torch_activegp.diagnosis.inputs.touching import touching
 from torch_activegp.diagnosis.simulation.calm import CalmEngine
 from torch_activegp.diagnosis.simulation.candidate import NOMINAL
 from torch_activegp.diagnosis.simulation.engine import IMPLICIT_FAST, Engine, substeps_for
 from torch_activegp.diagnosis.simulation.leapfrog import is_of_second_order
 from torch_activegp.diagnosis.simulation.prescribed_motion import RUNGE_KUTTA
+from torch_activegp.diagnosis.simulation.touching import touching
 from torch_activegp.physics.friction import sticking
 
 _STEP = 0.005
@@ -203,7 +203,7 @@ def _agrees(calm: Engine, plain: Engine, runs: Sequence[Run]) -> bool:
     segments = cut(runs, 1.0, 0.0)
     segments = segments.pick(np.unique(np.linspace(0, segments.size - 1, _COMPARED).astype(np.int64)))
     starts = plain.starts(segments)[None]
-    one, other = (engine.predict(segments, starts, [NOMINAL])[0] for engine in (calm, plain))
+    one, other = (engine.predict(segments, starts, [NOMINAL]) for engine in (calm, plain))
     noise = np.mean([run.noise for run in runs], axis=0)
     return bool(np.isfinite(one).all() and (np.abs(one - other) < _AGREES * noise).all())
 
@@ -229,7 +229,7 @@ def begin_drives(engines: Sequence[Engine], runs: Sequence[Run]) -> None:
     errors = []
     for empty in (False, True):
         first.filters = tuple(own._replace(empty=empty) for own in first.filters)
-        predicted, _ = first.predict(heads, first.starts(heads)[None], [NOMINAL])
+        predicted = first.predict(heads, first.starts(heads)[None], [NOMINAL])
         far = (predicted[0] - heads.position) / np.mean([run.noise for run in runs], axis=0)
         errors.append(float(np.nan_to_num(far[heads.counts] ** 2, nan=np.inf).sum()))
     for engine in engines:

@@ -6,9 +6,9 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
-from torch_activegp.diagnosis.inputs.hermite import position_between, velocity_between
 from torch_activegp.diagnosis.inputs.runs import Array, Channels, Run
 from torch_activegp.diagnosis.inputs.segments import Segments
+from torch_activegp.diagnosis.simulation.hermite import position_between, velocity_between
 from torch_activegp.physics.effect import Step
 
 _HEAVY = 1e7

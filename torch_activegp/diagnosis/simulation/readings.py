@@ -7,9 +7,9 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from torch_activegp.diagnosis.inputs.hermite import position_between
 from torch_activegp.diagnosis.inputs.runs import Array
 from torch_activegp.diagnosis.simulation.candidate import Candidate, grouped
+from torch_activegp.diagnosis.simulation.hermite import position_between
 from torch_activegp.physics.effect import Effect
 
 

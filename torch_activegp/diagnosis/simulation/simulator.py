@@ -15,8 +15,9 @@ from torch import Tensor
 from torch_activegp.diagnosis.inputs.runs import Array, Channels, Run
 from torch_activegp.diagnosis.inputs.segments import Segments
 from torch_activegp.diagnosis.inputs.source import Source
+from torch_activegp.diagnosis.simulation.candidate import Candidate
 from torch_activegp.diagnosis.simulation.correction import Form
-from torch_activegp.diagnosis.simulation.engine import Candidate, Engine
+from torch_activegp.diagnosis.simulation.engine import Engine
 from torch_activegp.errors import ConfigurationError, SimulationError
 from torch_activegp.physics.friction import sticking
 from torch_activegp.simulators import MujocoSimulator, Simulator
@@ -88,7 +89,8 @@ class EffectSimulator(Simulator):
         if size == 0 or count == 0:
             return state.new_empty(*batch, count, self.state_dim)
         begin = as_numbers(state.expand(*batch, self.state_dim)).reshape(size, self.state_dim)
-        control = as_numbers(actions.expand(*batch, *actions.shape[-2:])).reshape(size, count, self.action_dim)
+        limited = self.action_space.clamp(actions.expand(*batch, *actions.shape[-2:]))
+        control = as_numbers(limited).reshape(size, count, self.action_dim)
         if self._engine is None:
             self._engine = Engine(*self._parts)
         after = self._engine.trajectories(self._segments(begin, control), begin, self.candidate)[:, 1:]

@@ -6,7 +6,7 @@ import mujoco
 import numpy as np
 import pytest
 
-from torch_activegp.diagnosis.shooting.inertial_forces import change, inertial_forces, with_effects
+from torch_activegp.diagnosis.selection.inertial_forces import change, inertial_forces, with_effects
 from torch_activegp.physics.effect import Effect
 from torch_activegp.physics.inertia import ArmatureError, CenterOfMassOffset, GravityError
 from torch_activegp.physics.payload import DensityError, PayloadAside, PayloadMass

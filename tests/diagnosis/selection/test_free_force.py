@@ -5,7 +5,7 @@ import dataclasses
 import numpy as np
 import pytest
 
-from torch_activegp.diagnosis.shooting.reference import free_force_columns
+from torch_activegp.diagnosis.selection.free_force import free_force_columns
 
 
 def test_free_forces_move_the_positions_as_a_simulated_force_does(bench) -> None:

@@ -5,8 +5,8 @@ import dataclasses
 import numpy as np
 import pytest
 
+from torch_activegp.diagnosis.findings.refit import refit
 from torch_activegp.diagnosis.shooting.point import FAILED
-from torch_activegp.diagnosis.shooting.refit import refit
 
 
 @pytest.fixture(scope="module")

@@ -2,7 +2,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from torch_activegp.diagnosis.inputs.hermite import position_between, velocity_between
+from torch_activegp.diagnosis.simulation.hermite import position_between, velocity_between
 
 
 def test_a_cubic_is_followed_exactly() -> None:

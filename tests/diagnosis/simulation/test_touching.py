@@ -3,7 +3,7 @@ from __future__ import annotations
 import mujoco
 import numpy as np
 
-from torch_activegp.diagnosis.inputs.touching import touching, widened
+from torch_activegp.diagnosis.simulation.touching import touching, widened
 
 
 def test_rows_at_a_limit_touch_and_a_wider_model_sees_them_before(bench) -> None:

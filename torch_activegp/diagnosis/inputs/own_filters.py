@@ -8,12 +8,14 @@ simulation and is exact, where MuJoCo acts by its state at the beginning of each
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import NamedTuple
 
 import mujoco
 import numpy as np
 
-from torch_activegp.diagnosis.inputs.runs import Array
+from torch_activegp.diagnosis.inputs.runs import Array, Run
+from torch_activegp.errors import ConfigurationError
 from torch_activegp.physics.actuation import ActuatorLag, follow
 from torch_activegp.physics.place import Place
 
@@ -79,6 +81,25 @@ def own_filters(model: mujoco.MjModel) -> tuple[OwnFilter, ...]:
             stages = model.opt.integrator == mujoco.mjtIntegrator.mjINT_RK4
             found.append(OwnFilter(ActuatorLag.at(place, model), i, constant, address, bool(exact), bool(stages)))
     return tuple(found)
+
+
+def check_drives(model: mujoco.MjModel, runs: Sequence[Run]) -> None:
+    """Refuses drives with a state that neither a recording holds nor the recorded control tells.
+
+    Raises:
+        ConfigurationError: such a drive was used: an integrator, a muscle, a PID controller, or a filter whose state
+            has limits.
+    """
+    known = {own.actuator for own in own_filters(model)}
+    for i in np.flatnonzero(model.actuator_actadr >= 0):
+        kind, inputs = mujoco.mjtDyn(int(model.actuator_dyntype[i])), np.arange(model.actuator_ctrlnum[i])
+        used = any(run.control[:, model.actuator_ctrladr[i] + inputs].any() for run in runs)
+        if used and int(i) not in known and kind != mujoco.mjtDyn.mjDYN_DCMOTOR:
+            raise ConfigurationError(
+                f"actuator `{model.actuator(i).name or f'actuator{i}'}`: a drive without a state, a filter of first "
+                f"order without limits, or a dcmotor wanted, found `{kind.name.removeprefix('mjDYN_').lower()}`: no "
+                'recording holds its state. Make it a motor (dyntype="none") and record what it puts out.'
+            )
 
 
 def without_filters(model: mujoco.MjModel, filters: tuple[OwnFilter, ...]) -> None:

@@ -8,13 +8,14 @@ import pytest
 
 from torch_activegp.data import Recording
 from torch_activegp.diagnosis.inputs.machine import Machine, make_machine
+from torch_activegp.diagnosis.inputs.own_filters import own_filters, without_filters
 from torch_activegp.diagnosis.inputs.runs import Channels
 from torch_activegp.diagnosis.inputs.segments import cut
 from torch_activegp.diagnosis.simulation.candidate import NOMINAL, Candidate
 from torch_activegp.diagnosis.simulation.engine import Engine
 from torch_activegp.diagnosis.simulation.forms import begin_drives
-from torch_activegp.diagnosis.simulation.own_filters import own_filters, without_filters
 from torch_activegp.diagnosis.simulation.places import effects_for
+from torch_activegp.errors import ConfigurationError
 
 SERVO = """<mujoco><option timestep="0.002" integrator="RK4"/><worldbody><body>
 <joint name="tilt" axis="0 1 0" damping="0.1"/><inertial pos="0 0 -0.2" mass="0.5" diaginertia="0.01 0.01 0.01"/>
@@ -41,7 +42,7 @@ def machine() -> Machine:
         data.ctrl[:] = [u, 0.0, 0.0, 0.0]
         mujoco.mj_step(fine, data, 200)
     columns = {"time": time, "qpos.tilt": np.array(angle), "ctrl.servo": command}
-    columns |= {f"ctrl.{name}": 1e-9 * time for name in ("slow", "limited", "push")}
+    columns |= {f"ctrl.{name}": 0.0 * time for name in ("slow", "limited", "push")}
     return make_machine(model, [Recording.from_columns("run", columns)], [Recording.from_columns("kept", columns)])
 
 
@@ -56,7 +57,7 @@ def test_a_segment_in_the_middle_of_a_run_knows_what_its_drive_does(machine, kno
         engine.filters, engine.model = (), machine.model
     starts = engine.starts(segments)
     starts[:, 0] = [machine.fit[0].position[first, 0] for first in segments.first]
-    predicted, _ = engine.predict(segments, starts[None], [NOMINAL])
+    predicted = engine.predict(segments, starts[None], [NOMINAL])
     error = np.abs(predicted[0] - segments.position)[segments.counts].max()
     assert least < error < most
 
@@ -90,11 +91,11 @@ def test_a_model_agrees_with_itself_in_its_own_steps(integrator: str, drive: str
     assert engine.filters[0].empty == empty
     segments = cut([run], 0.5, 0.0)
     starts = np.array([states[first] for first in segments.first])
-    predicted, _ = engine.predict(segments, starts[None], [NOMINAL])
+    predicted = engine.predict(segments, starts[None], [NOMINAL])
     np.testing.assert_allclose(predicted[0][segments.counts], segments.position[segments.counts], atol=1e-9)
     exact = Engine(model, channels, 40, 1, RK4)
     begin_drives([engine, exact], [run])
-    near, _ = exact.predict(segments, starts[None], [NOMINAL])
+    near = exact.predict(segments, starts[None], [NOMINAL])
     assert 1e-8 < np.abs(near - predicted)[0][segments.counts].max() < 0.02
 
 
@@ -116,10 +117,19 @@ def test_effects_act_on_the_command_before_the_filter(machine, integrator: int |
     for run in machine.fit:
         doubled = dataclasses.replace(run, control=2.0 * run.control)
         twice = dataclasses.replace(segments, runs=(doubled,))
-        by_effect, _ = engine.predict(segments, starts, [NOMINAL, Candidate((gain,), (np.array([1.0]),))])
-        by_command, _ = engine.predict(twice, starts[:1], [NOMINAL])
+        by_effect = engine.predict(segments, starts, [NOMINAL, Candidate((gain,), (np.array([1.0]),))])
+        by_command = engine.predict(twice, starts[:1], [NOMINAL])
         np.testing.assert_allclose(by_effect[1], by_command[0], atol=1e-9)
         assert np.abs(by_effect[1] - by_effect[0]).max() > 0.01
 
 
 GAIN = ("actuator_gain", "actuator:servo")
+
+
+@pytest.mark.parametrize(("drive", "kind"), [("slow", "integrator"), ("limited", "filter")])
+def test_a_drive_whose_state_nobody_knows_is_refused_where_it_was_used(machine, drive: str, kind: str) -> None:
+    run = machine.fit[0]
+    columns = {"time": run.time, "qpos.tilt": run.position[:, 0], f"ctrl.{drive}": np.sin(run.time)}
+    recording = Recording.from_columns("run", columns)
+    with pytest.raises(ConfigurationError, match=rf"actuator `{drive}`: .*found `{kind}`: no recording holds"):
+        make_machine(machine.model, [recording], [recording])

@@ -60,7 +60,7 @@ def refit(shooting: Shooting, fit: Fit, kept: NDArray[np.bool_]) -> Refits:
         if not live:
             break
         states = np.stack([part.trial_starts for part in live])
-        predicted, _ = shooting.engine.predict(shooting.segments, states, [_at(fit, p.trial) for p in live])
+        predicted = shooting.engine.predict(shooting.segments, states, [_at(fit, p.trial) for p in live])
         for part, white in zip(live, shooting.residuals(predicted), strict=True):
             part.tell(white)
     _settle(shooting, fit, parts)
@@ -87,7 +87,7 @@ def _derivatives(shooting: Shooting, fit: Fit) -> tuple[Array, Array]:
     steps = difference_steps(fit.effects, flat)
     candidates = [_at(fit, flat), *(_at(fit, flat + step) for step in np.diag(steps))]
     states = np.repeat(fit.starts[None], len(candidates), axis=0)
-    white = shooting.residuals(shooting.engine.predict(shooting.segments, states, candidates)[0])
+    white = shooting.residuals(shooting.engine.predict(shooting.segments, states, candidates))
     moved = -(white[1:] - white[0]) / steps[:, None, None]
     return white[0], np.nan_to_num(moved, posinf=0.0, neginf=0.0).transpose(1, 2, 0)
 
