@@ -10,6 +10,7 @@ import mujoco
 import numpy as np
 import pytest
 
+from torch_activegp.data import Recording
 from torch_activegp.data.balls import balls_model, load_balls
 from torch_activegp.diagnosis import diagnose, evaluate
 from torch_activegp.diagnosis.diagnose import _remainder, _rivals
@@ -165,6 +166,32 @@ def test_the_corrected_model_sticks_where_the_machine_does(bench, record) -> Non
     assert np.abs(angles(corrected, control) - angles(truth, control)).max() < 2e-3
     hold = np.full(200, 0.4)
     assert np.abs(angles(corrected, hold)).max() < 3e-4 < np.abs(angles(bench.machine.model, hold)).max()
+
+
+@pytest.mark.parametrize("level", [0.0, 0.05])
+def test_runs_may_differ_in_rate(bench, level: float) -> None:
+    """A model is none the worse for a slower run beside a faster one, and what is missing has its value."""
+
+    def swing(seed: int, steps: int) -> Recording:
+        model = mujoco.MjModel.from_xml_string(bench.xml)
+        model.dof_frictionloss[0] = level
+        data, rng = mujoco.MjData(model), np.random.default_rng(seed)
+        time = np.arange(0, 3.0, steps * model.opt.timestep)
+        control, angle = 0.5 * np.sin(3.0 * time + seed) + 0.4 * np.sign(np.sin(5.0 * time)), []
+        for u in control:
+            angle.append(data.qpos[0])
+            data.ctrl[:] = u
+            mujoco.mj_step(model, data, steps)
+        read = np.array(angle) + 5e-4 * rng.normal(size=len(time))
+        return Recording.from_columns(f"run{seed}", {"time": time, "qpos.hip": read, "ctrl.drive": control})
+
+    fast, slow, between = (swing(seed, steps) for seed, steps in enumerate((1, 10, 4)))
+    found = diagnose(bench.xml, [fast, slow], [between], nthread=1)
+    assert [effect.name for effect in found.effects] == ["coulomb_friction"] * bool(level)
+    for effect in found.effects:
+        assert effect.parameters["level"].value == pytest.approx(level, rel=0.03)
+    errors = found.details["fit"]["holdout"]["free_run"]
+    assert errors["after"] < 1.2 * errors["noise"]
 
 
 def test_two_calls_give_equal_dictionaries(bench, record, diagnosed) -> None:

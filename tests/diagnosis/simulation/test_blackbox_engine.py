@@ -157,11 +157,10 @@ def test_time_steps_are_counted() -> None:
 def test_what_is_handed_out_takes_controls_when_they_come() -> None:
     bench = Bench(np.sin)
     late = BlackBoxEngine(bench.box, bench.machine.channels, 1, late=True)
-    states = [e.trajectories(bench.segments, np.zeros((1, 2)), NOMINAL) for e in (bench.engine, late)]
-    assert not np.array_equal(*states)
-    np.testing.assert_array_equal(
-        late.without_leapfrog().trajectories(bench.segments, np.zeros((1, 2)), NOMINAL), states[0]
-    )
+    engines = (bench.engine, late, late.without_leapfrog())
+    own, later, handed = (e.trajectories(bench.segments, np.zeros((1, 2)), NOMINAL) for e in engines)
+    assert not np.array_equal(own, later)
+    np.testing.assert_array_equal(handed, own)
 
 
 def test_rows_off_the_clock_are_read_where_they_are() -> None:
