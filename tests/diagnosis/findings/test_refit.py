@@ -82,8 +82,8 @@ def test_where_every_trial_fails_the_values_stay(bench, without_one, monkeypatch
 
     def once(*arguments: object) -> object:
         calls.append(1)
-        position, velocity = predict(*arguments)
-        return (position if len(calls) == 1 else np.full_like(position, np.nan)), velocity
+        position = predict(*arguments)
+        return position if len(calls) == 1 else np.full_like(position, np.nan)
 
     monkeypatch.setattr(bench.engine, "predict", once)
     found = refit(bench.shooting, fit, without_one)
@@ -98,11 +98,10 @@ def test_a_segment_whose_simulation_fails_at_first_is_not_perfect(bench, without
 
     def fails_at_first(*arguments: object) -> object:
         calls.append(1)
-        position, velocity = predict(*arguments)
-        position = np.array(position)
+        position = np.array(predict(*arguments))
         if len(calls) == 1:
             position[:, 0] = np.nan
-        return position, velocity
+        return position
 
     monkeypatch.setattr(bench.engine, "predict", fails_at_first)
     found = refit(bench.shooting, fit, without_one)
@@ -117,8 +116,8 @@ def test_after_a_step_that_fails_the_next_ones_are_whole_again(bench, without_on
 
     def fails_once(*arguments: object) -> object:
         calls.append(1)
-        position, velocity = predict(*arguments)
-        return (np.full_like(position, np.nan) if len(calls) == 2 else position), velocity
+        position = predict(*arguments)
+        return np.full_like(position, np.nan) if len(calls) == 2 else position
 
     monkeypatch.setattr(bench.engine, "predict", fails_once)
     found = refit(bench.shooting, far, without_one)
