@@ -3,11 +3,18 @@ from __future__ import annotations
 import re
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 from torch_activegp.cli.models import find_model, guess
-from torch_activegp.errors import ConfigurationError
+from torch_activegp.data import Recording
+from torch_activegp.diagnosis import EffectSimulator
+from torch_activegp.diagnosis.inputs.runs import Channels
+from torch_activegp.diagnosis.simulation.candidate import Candidate
+from torch_activegp.diagnosis.simulation.saved import saved
+from torch_activegp.errors import ConfigurationError, DataError
 from torch_activegp.simulators import MujocoSimulator
+from torch_activegp.simulators.mujoco_model import load_model
 
 
 def test_a_model_is_a_file_a_known_name_or_a_factory(folder: Path) -> None:
@@ -17,6 +24,18 @@ def test_a_model_is_a_file_a_known_name_or_a_factory(folder: Path) -> None:
         "from torch_activegp.simulators import MujocoSimulator\ndef rod(): return MujocoSimulator('rod.xml')\n"
     )
     assert isinstance(find_model("rods:rod"), MujocoSimulator)
+
+
+def test_a_model_may_be_what_a_diagnosis_saved(folder: Path) -> None:
+    model = load_model("rod.xml")
+    recording = Recording.from_columns("run", {"time": np.arange(4.0), f"qpos.{model.joint(0).name}": np.arange(4.0)})
+    channels = Channels.of(model, [recording])
+    simulator = EffectSimulator(model, channels, Candidate(), dt=0.01, substeps=1)
+    Path("learned.pt").write_bytes(saved(simulator))
+    assert isinstance(find_model("learned.pt"), EffectSimulator)
+    Path("learned.pt").write_bytes(b"no")
+    with pytest.raises(DataError, match="learned.pt: corrected.pt or learned.pt of a diagnosis wanted"):
+        find_model("learned.pt")
 
 
 @pytest.mark.parametrize(

@@ -103,17 +103,18 @@ def test_an_interrupted_write_leaves_the_old_files(result, tmp_path, monkeypatch
 
 
 def test_nothing_of_an_earlier_diagnosis_stays_and_other_files_do(result, tmp_path) -> None:
-    files = {"next.csv": "old", "corrected.xml": "<old/>"}
-    dataclasses.replace(result, files=files, states={"remainder.pt": {"a": 1}}).save(tmp_path)
+    files = {"next.csv": "old", "corrected.xml": "<old/>", "learned.pt": b"old"}
+    dataclasses.replace(result, files=files).save(tmp_path)
     for name in ("notes.txt", "report.html", "corrected_by_hand.xml"):
         (tmp_path / name).write_text("mine")
     kept = {"diagnosis.json", "evidence.json", "notes.txt", "report.html", "corrected_by_hand.xml"}
-    assert {path.name for path in tmp_path.iterdir()} == kept | {*files, "remainder.pt"}
+    assert {path.name for path in tmp_path.iterdir()} == kept | {*files}
     result.save(tmp_path)
     assert {path.name for path in tmp_path.iterdir()} == kept | {"next.csv"}
     assert (tmp_path / "next.csv").read_text() == "time\n0\n"
-    dataclasses.replace(result, files={}, states={"remainder.pt": {}}).save(tmp_path)
-    assert {path.name for path in tmp_path.iterdir()} == kept | {"remainder.pt"}
+    dataclasses.replace(result, files={"corrected.pt": b"new"}).save(tmp_path)
+    assert {path.name for path in tmp_path.iterdir()} == kept | {"corrected.pt"}
+    assert (tmp_path / "corrected.pt").read_bytes() == b"new"
 
 
 @pytest.mark.parametrize("too_much", [True, False])

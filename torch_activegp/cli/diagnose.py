@@ -29,7 +29,7 @@ if TYPE_CHECKING:
 
 _PROGRESS, _LAST = ".progress", "settings.json"
 """What is kept of an unfinished diagnosis; the file that is written last."""
-_RESULTS = (_LAST, "diagnosis.json", "evidence.json", "report.html", "corrected*", "next.csv", "remainder.pt")
+_RESULTS = (_LAST, "diagnosis.json", "evidence.json", "report.html", "corrected*", "learned.pt", "next.csv")
 FORECASTS = {"one_step": "one step (0.1 s)", "free_run": "free run"}
 
 Values = Mapping[str, Any]
@@ -66,7 +66,8 @@ def diagnose(
     accelerations, and its time step must fit the recordings.
 
     Writes diagnosis.json, report.html (one file, needs no network), corrected.xml (where MJCF can hold the effects;
-    not for a simulator in torch), next.csv (controls that would tell rivals apart) and settings.json. After an
+    not for a simulator in torch), corrected.pt (where it cannot hold them all) and learned.pt (with a learned force),
+    both for `evaluate` and Python, next.csv (controls that would tell rivals apart) and settings.json. After an
     interruption the same command goes on from its last finished stage.
     """
     began = time.perf_counter()
@@ -241,7 +242,7 @@ def _errors(held_out: Values) -> Table:
     columns = {
         "before": "before",
         "after": "after",
-        **({"gp": "with remainder.pt"} if learned else {}),
+        **({"gp": "with learned.pt"} if learned else {}),
         "noise": "noise",
     }
     table = Table()

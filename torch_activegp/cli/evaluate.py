@@ -35,7 +35,7 @@ def evaluate(
 
     Example:  `torch-activegp evaluate emps emps:test`
 
-    After a diagnosis:  `torch-activegp evaluate runs/diagnose-arm/corrected.xml run4.csv`
+    After a diagnosis:  `torch-activegp evaluate runs/diagnose-arm/corrected.xml run4.csv`, or corrected.pt, learned.pt
 
     Errors are root mean squares over the recorded positions, in standard deviations of what was measured (1: as bad as
     the mean; 0: right): one step of 0.1 s beyond half a second that the model was fitted to, and free, from one fitted

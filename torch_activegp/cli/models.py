@@ -12,15 +12,19 @@ from torch_activegp.simulators import Simulator, load_simulator
 from torch_activegp.simulators.load import is_factory
 from torch_activegp.simulators.mujoco_model import load_model
 
+SAVED = ".pt"
+"""How the names of simulators end that a diagnosis saved."""
+
 
 def find_model(word: str) -> Path | Simulator:
     """The simulator that a user wants diagnosed.
 
     Args:
-        word: an MJCF file, ``package.module:factory``, or the name of a public data set, for its nominal model.
+        word: an MJCF file, ``package.module:factory``, the name of a public data set, for its nominal model, or a
+            simulator that a diagnosis saved (``corrected.pt``, ``learned.pt``).
 
     Returns:
-        The path of a file that compiles, or the factory's simulator.
+        The path of a file that compiles, or the factory's or the saved simulator.
 
     Raises:
         ConfigurationError: there is no such model, or it cannot be made.
@@ -33,6 +37,10 @@ def find_model(word: str) -> Path | Simulator:
             f"Unknown model {word!r}{guess(word, KNOWN_MODELS)} Wanted an MJCF file (none is there; working folder: "
             f"{Path.cwd()}), package.module:factory, or one of {', '.join(KNOWN_MODELS)}."
         )
+    if path.suffix == SAVED:
+        from torch_activegp.diagnosis import load_corrected
+
+        return load_corrected(path)
     load_model(path)
     return path
 

@@ -11,6 +11,7 @@ from torch_activegp.diagnosis.diagnose import diagnose
 from torch_activegp.diagnosis.evaluate import evaluate
 from torch_activegp.diagnosis.result import Diagnosis, Estimate, NamedEffect
 from torch_activegp.diagnosis.simulation.blackbox_simulator import AcceleratedSimulator
+from torch_activegp.diagnosis.simulation.saved import load_corrected
 from torch_activegp.diagnosis.simulation.simulator import EffectSimulator
 
 __all__ = [
@@ -22,4 +23,5 @@ __all__ = [
     "NamedEffect",
     "diagnose",
     "evaluate",
+    "load_corrected",
 ]

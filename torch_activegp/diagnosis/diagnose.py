@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import logging
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -34,7 +34,11 @@ from torch_activegp.diagnosis.simulation.blackbox_simulator import simulator_wit
 from torch_activegp.diagnosis.simulation.candidate import NOMINAL
 from torch_activegp.diagnosis.simulation.correction import Form, corrected_xml
 from torch_activegp.diagnosis.simulation.places import effects_for
+from torch_activegp.diagnosis.simulation.saved import saved
+from torch_activegp.diagnosis.simulation.simulator import EffectSimulator
+from torch_activegp.errors import ConfigurationError
 from torch_activegp.physics.effect import Effect
+from torch_activegp.simulators import Simulator
 
 _logger = logging.getLogger(__name__)
 _SHOWN = 8
@@ -130,7 +134,7 @@ def _report(
     if "gp" in models:
         learned = simulator_with(source, machine.channels, models["gp"][1], None, numerics)
     named = _named(explanation, judgement, dict(zip(chosen.effects, held, strict=True)))
-    files: dict[str, str] = {}
+    files: dict[str, str | bytes] = {}
     if xml is not None:
         files["corrected.xml"] = xml
     proposal = propose(explanation, judgement, machine.fit, seed)
@@ -170,9 +174,20 @@ def _report(
         "traces": traces,
     }
     words = sentence(judgement.verdict, named, details)
-    states = {"remainder.pt": outcome.effect.state()} if outcome is not None and outcome.effect is not None else {}
-    stable = verdict.stability
-    return Diagnosis(judgement.verdict, words, named, details, evidence, files, corrected, learned, states, stable)
+    files |= _saved({"corrected.pt": corrected, "learned.pt": learned}, details["notes"])
+    return Diagnosis(judgement.verdict, words, named, details, evidence, files, corrected, learned, verdict.stability)
+
+
+def _saved(simulators: Mapping[str, Simulator | None], notes: list[str]) -> dict[str, str | bytes]:
+    """Files of those that MJCF cannot hold, and a note on each that no file can."""
+    files: dict[str, str | bytes] = {}
+    for name, simulator in simulators.items():
+        if isinstance(simulator, EffectSimulator):
+            try:
+                files[name] = saved(simulator)
+            except ConfigurationError as error:
+                notes.append(f"{name} is not written: {error}")
+    return files
 
 
 def _certain(judgement: Judgement) -> list[tuple[Effect, Array]]:

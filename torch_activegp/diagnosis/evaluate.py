@@ -11,14 +11,15 @@ from torch_activegp.data import Recording
 from torch_activegp.diagnosis.findings.forecast import compare
 from torch_activegp.diagnosis.inputs.blackbox import check_clock
 from torch_activegp.diagnosis.inputs.machine import check_given, lay_over
-from torch_activegp.diagnosis.inputs.runs import Channels
-from torch_activegp.diagnosis.inputs.source import read_source
+from torch_activegp.diagnosis.inputs.runs import Channels, median_step
+from torch_activegp.diagnosis.inputs.source import Source, read_source
 from torch_activegp.diagnosis.inputs.wrong_units import check_units
 from torch_activegp.diagnosis.noise.floor import noise_floor
 from torch_activegp.diagnosis.simulation.blackbox_engine import BlackBoxEngine
 from torch_activegp.diagnosis.simulation.candidate import NOMINAL
 from torch_activegp.diagnosis.simulation.engine import Engine, substeps_for
 from torch_activegp.diagnosis.simulation.forms import begin_drives
+from torch_activegp.diagnosis.simulation.simulator import EffectSimulator
 from torch_activegp.errors import DataError
 
 
@@ -29,7 +30,7 @@ def evaluate(model: object, recordings: Sequence[Recording], nthread: int = 0) -
     Errors are root mean squares over the recorded positions in units of the standard deviation of what was measured.
 
     Args:
-        model: what :func:`~torch_activegp.diagnosis.diagnose` takes.
+        model: what :func:`~torch_activegp.diagnosis.diagnose` takes, or what it gives (``corrected``, ``learned``).
         recordings: runs to forecast.
         nthread: threads of the simulations; 0 for all cores.
 
@@ -46,16 +47,22 @@ def evaluate(model: object, recordings: Sequence[Recording], nthread: int = 0) -
     recordings = check_given(recordings, "evaluate")
     if not recordings:
         raise DataError("evaluate: no recordings found, at least one wanted.")
-    source = read_source(model)
+    effects = model if type(model) is EffectSimulator else None
+    source = read_source(model) if effects is None else Source(effects.model, None, "", "")
     channels = Channels.of(source.model, recordings)
     (runs,), notes = lay_over(source.model, channels, [recordings], source.box)
+    candidate = NOMINAL if effects is None else effects.candidate
+    engine: Engine
     if source.box is None:
         doubts = check_units(source.model, channels, runs)
-        engine = Engine(source.model, channels, substeps_for(source.model, runs), nthread)
+        if effects is None:
+            engine = Engine(source.model, channels, substeps_for(source.model, runs), nthread)
+        else:
+            engine = effects.engine_for(channels, median_step(runs), nthread)
         begin_drives([engine], runs)
     else:
         doubts = source.box.notes()
         engine = BlackBoxEngine(source.box, channels, check_clock(source.box, runs))
-    errors, _ = compare({"error": (engine, NOMINAL)}, runs, channels.joints, noise_floor(runs))
+    errors, _ = compare({"error": (engine, candidate)}, runs, channels.joints, noise_floor(runs))
     told = {key: errors[key] for key in ("runs", "one_step", "free_run")}
     return {**told, "notes": list(dict.fromkeys([*notes, *doubts]))}

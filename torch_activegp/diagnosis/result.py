@@ -8,12 +8,10 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-import torch
-
 from torch_activegp.files import written_whole
 
 SCHEMA_VERSION = 1
-_OWN = ("diagnosis.json", "evidence.json", "corrected.xml", "next.csv", "remainder.pt")
+_OWN = ("diagnosis.json", "evidence.json", "corrected.xml", "corrected.pt", "learned.pt", "next.csv")
 """The files of a diagnosis; which of the last three there are depends on what was found."""
 
 
@@ -170,11 +168,10 @@ class Diagnosis:
         effects: in the order in which they explain.
         details: the other entries of ``diagnosis.json``.
         evidence: what the report draws.
-        files: further files to write, text by name: ``corrected.xml``, ``next.csv``, ...
+        files: further files to write, text or bytes by name: ``corrected.xml``, ``corrected.pt``, ``next.csv``, ...
         corrected: the simulator with the effects in it; see
             :func:`~torch_activegp.diagnosis.simulation.simulator.corrected_simulator`.
         learned: the same with a Gaussian process of the force that no effect explains, or None where there is none.
-        states: further files to write with ``torch.save``, by name: ``remainder.pt``.
         stability: what becomes of the effects when each recording is left out, where there are effects.
     """
 
@@ -183,10 +180,9 @@ class Diagnosis:
     effects: tuple[NamedEffect, ...]
     details: Mapping[str, Any]
     evidence: Mapping[str, Any]
-    files: Mapping[str, str]
+    files: Mapping[str, str | bytes]
     corrected: Any = None
     learned: Any = None
-    states: Mapping[str, Any] = dataclasses.field(default_factory=dict)
     stability: Stability | None = None
 
     def __str__(self) -> str:
@@ -216,20 +212,17 @@ class Diagnosis:
     def save(self, folder: Path | str) -> None:
         """Writes ``diagnosis.json``, ``evidence.json`` and the corrected model, each whole or not at all.
 
-        Files of an earlier diagnosis that this one does not have (``corrected.xml``, ``next.csv``, ``remainder.pt``)
+        Files of an earlier diagnosis that this one does not have (``corrected.xml``, ``next.csv``, ``learned.pt``, ...)
         are removed at the end; other files stay.
         """
         folder = Path(folder)
         folder.mkdir(parents=True, exist_ok=True)
-        texts = dict(self.files)
-        texts["evidence.json"] = json.dumps(self.evidence)
-        texts["diagnosis.json"] = json.dumps(self.to_dict(), indent=1)
-        for name, text in texts.items():
+        contents = dict(self.files)
+        contents["evidence.json"] = json.dumps(self.evidence)
+        contents["diagnosis.json"] = json.dumps(self.to_dict(), indent=1)
+        for name, content in contents.items():
             with written_whole(folder / name) as file:
-                file.write(text.encode())
-        for name, state in self.states.items():
-            with written_whole(folder / name) as file:
-                torch.save(state, file)
+                file.write(content.encode() if isinstance(content, str) else content)
         for name in _OWN:
-            if name not in texts and name not in self.states:
+            if name not in contents:
                 (folder / name).unlink(missing_ok=True)

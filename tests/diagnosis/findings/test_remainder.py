@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 import torch
 
-from torch_activegp.diagnosis import Diagnosis
+from torch_activegp.diagnosis import Diagnosis, evaluate, load_corrected
 from torch_activegp.diagnosis.findings.forecast import compare
 from torch_activegp.diagnosis.findings.remainder import model_remainder
 from torch_activegp.diagnosis.inputs.segments import halve
@@ -62,7 +62,9 @@ def test_nothing_is_learned_behind_what_is_named(bench: Any) -> None:
     assert outcome.details["chi2_of_kept"]["gp"] > outcome.details["chi2_of_kept"]["after"] - 10.0
 
 
-def test_an_unknown_bump_is_forecast_and_saved(diagnosed: Callable[[str], Diagnosis], tmp_path: Path) -> None:
+def test_an_unknown_bump_is_forecast_and_saved(
+    diagnosed: Callable[[str], Diagnosis], record: Any, tmp_path: Path
+) -> None:
     diagnosis = diagnosed("bump")
     assert diagnosis.verdict == "unknown"
     assert diagnosis.details["remainder"]["used"]
@@ -70,13 +72,14 @@ def test_an_unknown_bump_is_forecast_and_saved(diagnosed: Callable[[str], Diagno
     assert errors["gp"] < 0.5 * errors["after"]
     assert all("gp" in run["free_run"] for run in diagnosis.details["fit"]["holdout"]["runs"])
     diagnosis.save(tmp_path)
-    state = torch.load(tmp_path / "remainder.pt", weights_only=True)
-    assert state["weights"].shape == (1, diagnosis.details["remainder"]["points"])
-    assert diagnosis.learned(torch.zeros(1, 2), torch.zeros(1, 1)).isfinite().all()
+    unseen = evaluate(diagnosis.learned, [record("bump", 9)], nthread=1)
+    assert unseen["free_run"]["error"] == pytest.approx(errors["gp"], rel=0.05)
+    again, at = load_corrected(tmp_path / "learned.pt"), (torch.full((1, 2), 0.4), torch.zeros(1, 1))
+    assert torch.equal(again(*at), diagnosis.learned(*at))
 
 
 def test_a_right_model_has_no_remainder(diagnosed: Callable[[str], Diagnosis]) -> None:
     diagnosis = diagnosed("none")
     assert diagnosis.details["remainder"] is None
     assert diagnosis.learned is None
-    assert not diagnosis.states
+    assert "learned.pt" not in diagnosis.files

@@ -48,7 +48,7 @@ def test_unknown_says_what_a_learned_force_gains() -> None:
     free = {"before": 1.14, "after": 1.14, "gp": 0.1084, "noise": 0.0024}
     text = sentence("unknown", (), {**ERROR, "fit": {"holdout": {"free_run": free}}})
     assert text.endswith(
-        "explains it; with a force learned from the recordings (remainder.pt) the free-run error on held-out runs goes "
+        "explains it; with a force learned from the recordings (learned.pt) the free-run error on held-out runs goes "
         "from 1.14 to 0.108 (noise 0.0024)."
     )
 

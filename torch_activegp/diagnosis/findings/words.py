@@ -67,7 +67,7 @@ def _learned(details: Mapping[str, Any]) -> str:
     if error.get("gp") is None:
         return ""
     return (
-        f"; with a force learned from the recordings (remainder.pt) the free-run error on held-out runs goes from "
+        f"; with a force learned from the recordings (learned.pt) the free-run error on held-out runs goes from "
         f"{error['before']:.3g} to {error['gp']:.3g} (noise {error['noise']:.2g})"
     )
 

@@ -54,7 +54,7 @@ def expand(selection: Selection, shooting: Shooting, effects: Sequence[Effect], 
     if selection.score.names_in(fit.effects) < len(fit.effects):
         proposed += undone(fit, screened, selection.score.a_parameter * selection.score.scale)
     known = {frozenset(f.effects) for f in selection.fits}
-    fresh = heat(shooting, [p for p in proposed if frozenset(p[0]) not in known], fit, selection.score)
+    fresh = heat(shooting, [p for p in proposed if frozenset(p[0]) not in known], fit, selection.score, work)
     compare(shooting, selection, fresh.sets, fit, race=work, below=fit, starts=fresh.starts)
 
 

@@ -31,9 +31,8 @@ class AcceleratedSimulator(EffectSimulator):
 
     def __init__(self, box: BlackBox, channels: Channels, candidate: Candidate) -> None:
         Simulator.__init__(self, box.simulator.state_space, box.simulator.action_space, box.simulator.dt)
-        self.nominal = box.simulator
-        self.candidate = candidate
-        self._parts = (box.model, channels, 1, 0, None)
+        self.model, self.channels, self.candidate = box.model, channels, candidate
+        self.substeps, self.integrator = 1, None
         self._engine: BlackBoxEngine = BlackBoxEngine(box, channels, 1)
 
     def __getstate__(self) -> dict[str, object]:

@@ -65,11 +65,6 @@ class Remainder(Effect):
         )
         step.force[np.asarray(rows)[:, None], self.velocities] += force
 
-    def state(self) -> dict[str, Tensor]:
-        """What defines it, as tensors."""
-        names = ("positions", "velocities", "centre", "points", "length_scales", "weights")
-        return {name: torch.from_numpy(np.array(getattr(self, name))) for name in names}
-
 
 def _matern(a: Array, b: Array) -> Array:
     """Matern-5/2 of inputs over their length-scales: ``(n, D)``, ``(m, D)`` to ``(n, m)``."""

@@ -60,8 +60,8 @@ class EffectSimulator(Simulator):
                 "EffectSimulator: wanted a model whose state is (qpos, qvel), found actuators with activations."
             )
         super().__init__(state_space(model), action_space(model), dt)
-        self.candidate = candidate
-        self._parts = (model, dataclasses.replace(channels, prescribed=None), substeps, 0, integrator)
+        self.model, self.channels, self.candidate = model, dataclasses.replace(channels, prescribed=None), candidate
+        self.substeps, self.integrator = substeps, integrator
         self._engine: Engine | None = None
 
     def __getstate__(self) -> dict[str, Any]:
@@ -92,14 +92,19 @@ class EffectSimulator(Simulator):
         limited = self.action_space.clamp(actions.expand(*batch, *actions.shape[-2:]))
         control = as_numbers(limited).reshape(size, count, self.action_dim)
         if self._engine is None:
-            self._engine = Engine(*self._parts)
+            self._engine = Engine(self.model, self.channels, self.substeps, integrator=self.integrator)
         after = self._engine.trajectories(self._segments(begin, control), begin, self.candidate)[:, 1:]
         states = torch.from_numpy(after.reshape(*batch, count, self.state_dim))
         return self.state_space.wrap(states.to(self.state_space.low.device)).to(state)
 
+    def engine_for(self, channels: Channels, interval: float, nthread: int = 0) -> Engine:
+        """What simulates it over recordings with so long between rows, s, in time steps no longer than its own."""
+        steps = max(math.ceil(interval * self.substeps / self.dt - 1e-6), 1)
+        return Engine(self.model, channels, steps, nthread, self.integrator)
+
     def _segments(self, begin: Array, control: Array) -> Segments:
         """Every sample as a run of its own, so that nothing passes from one to the next."""
-        model, channels = self._parts[0], self._parts[1]
+        model, channels = self.model, self.channels
         size, count = control.shape[:2]
         time, rows = self.dt * np.arange(count + 1), np.ones((count + 1, 1))
         free, zeros = np.zeros((count, model.nv)), np.zeros(len(channels.joints))
