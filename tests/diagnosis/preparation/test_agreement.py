@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from torch_activegp.diagnosis.preparation import agreement
-from torch_activegp.diagnosis.preparation.agreement import Rival, first_close
+from torch_activegp.diagnosis.preparation.agreement import Rival, distinct, first_close
 from torch_activegp.diagnosis.shooting.likelihood import Shooting
 from torch_activegp.diagnosis.simulation.engine import Engine
 
@@ -71,6 +71,28 @@ def test_a_rival_is_judged_by_what_no_initial_state_takes_away(clean, forms) -> 
     assert 0.0 < rival.left < float((white**2).sum())
     moved = dataclasses.replace(fit, starts=fit.starts + 1e-4)
     assert Rival.at(clean.shooting, forms[-1], moved).left == pytest.approx(rival.left, rel=0.01)
+
+
+def test_nor_what_a_parameter_would_take_away(bench) -> None:
+    """To first order: what viscous friction explains is left to a fit without it, and not to one with hardly any."""
+    without = bench.shooting.fit([((), ())], bench.nominal.starts)[0]
+    hardly = bench.shooting.fit([((bench.effect("viscous_friction"),), (np.array([1e-6]),))], without.starts, rounds=0)[
+        0
+    ]
+    assert hardly.columns is not None
+    left = [Rival.at(bench.shooting, bench.engine, fit).left / bench.shooting.dof for fit in (without, hardly)]
+    assert left[0] > 5.0
+    assert left[1] == pytest.approx(1.0, abs=0.3)
+
+
+def test_of_rivals_that_nothing_tells_apart_the_first_is_kept(clean, forms) -> None:
+    fit = clean.shooting.fit([((), ())], clean.nominal.starts)[0]
+    one = Rival.at(clean.shooting, forms[0], fit)
+    begun = fit.design.reshape(*one.exact.shape, -1)[..., 0] * clean.noise
+    alike = dataclasses.replace(one, exact=one.exact + 5.0 * begun)  # but for other initial states
+    other = dataclasses.replace(one, exact=one.exact + clean.noise * np.random.default_rng(0).normal(size=begun.shape))
+    assert distinct([one, alike, other], clean.shooting, fit) == [one, other]
+    assert distinct([alike, other, one], clean.shooting, fit) == [alike, other]
 
 
 @pytest.mark.parametrize(("away", "close"), [(0.0, True), (0.001, True), (0.5, False)])

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from torch_activegp.diagnosis.noise.model import NoiseModel
-from torch_activegp.diagnosis.preparation import agreement, numerics
+from torch_activegp.diagnosis.preparation import agreement, numerics, telling
 from torch_activegp.diagnosis.preparation.numerics import Numerics
 from torch_activegp.diagnosis.shooting.likelihood import Shooting
 from torch_activegp.diagnosis.simulation.candidate import NOMINAL, Candidate
@@ -154,6 +154,11 @@ def test_a_hopeless_form_is_given_up_after_one_fit(clean, monkeypatch) -> None:
     engine, *_ = made.choose(shooting.segments, shooting.noise, nominal, nominal)
     assert engine is made.fine
     assert max(settled) < 2.0
+    once = len(settled)
+    monkeypatch.setattr(numerics, "_too_far", lambda *_: np.inf)
+    made.choose(shooting.segments, shooting.noise, nominal, nominal)
+    assert len(settled) == 2 * once
+    assert max(settled) < 2.0
     monkeypatch.setattr(numerics, "_NEAR", 0.0)
     made.choose(shooting.segments, shooting.noise, nominal, nominal)
     assert max(settled) > 4.0
@@ -188,69 +193,6 @@ def test_where_something_touches_a_form_must_fit_all_segments_as_the_engine_does
     assert working.cheap is made.coarse
 
 
-def test_of_much_data_that_takes_long_a_part_is_simulated(bench, monkeypatch) -> None:
-    made = Numerics.of(bench.integrated("Euler", 0.01), 1)
-    sets = [((bench.effect("viscous_friction"),), (np.array([0.05]),))]
-    given = bench.segments, bench.shooting.noise, bench.nominal, bench.nominal, sets
-    steps = made.coarse.steps_in(bench.segments)
-    monkeypatch.setattr(numerics, "_JUDGES", 1)
-    monkeypatch.setattr(numerics, "_AFFORDED", 0.8 * steps)
-    monkeypatch.setattr(numerics, "_PLENTY", bench.nominal.chi2)
-    assert made.choose(*given)[1].segments.size == bench.segments.size  # what is left tells too little
-    monkeypatch.setattr(numerics, "_PLENTY", 1.0)
-    _, shooting, nominal, judged = made.choose(*given)
-    assert 1 < shooting.segments.size < bench.segments.size
-    assert shooting.engine.steps_in(shooting.segments) <= steps
-    assert len(nominal.starts) == len(judged.starts) == shooting.segments.size
-    assert judged.values[0][0] == pytest.approx(bench.viscous, rel=0.05)
-    monkeypatch.setattr(numerics, "_JUDGES", bench.segments.size)
-    assert made.choose(*given)[1].segments.size == bench.segments.size
-
-
-def test_forms_are_compared_on_what_the_longest_of_them_can_afford(bench, monkeypatch) -> None:
-    made = Numerics.of(bench.integrated("Euler", 0.01), 1)
-    asked, shares, subset = [], [], Shooting.subset
-    monkeypatch.setattr(numerics, "_JUDGES", 1)
-    monkeypatch.setattr(numerics, "_affordable", lambda engine, segments: asked.append(engine) or 0.2)
-    monkeypatch.setattr(
-        Shooting, "subset", lambda self, share, *more: shares.append(share) or subset(self, share, *more)
-    )
-    made.choose(bench.segments, bench.shooting.noise, bench.nominal, bench.nominal)
-    assert (asked[0], shares[0]) == (made.fine, 0.2)
-    monkeypatch.undo()
-    steps = made.fine.steps_in(bench.segments)
-    monkeypatch.setattr(numerics, "_AFFORDED", 0.95 * steps)
-    assert numerics._affordable(made.fine, bench.segments) == max(0.95, 16 / bench.segments.size)
-    few = bench.segments.pick(np.zeros(40, dtype=np.int64))
-    monkeypatch.setattr(numerics, "_AFFORDED", 1.0)
-    assert numerics._affordable(made.fine, few) == max(16, 2 * len(few.runs)) / 40
-
-
-def test_a_form_that_was_found_on_the_same_part_is_not_fitted_again(bench, monkeypatch) -> None:
-    made = Numerics.of(bench.integrated("Euler", 0.01), 1)
-    sets = [((bench.effect("viscous_friction"),), (np.array([0.05]),))]
-    for name, value in (("_JUDGES", 6), ("_AFFORDED", 1.0), ("_PLENTY", 1.0)):
-        monkeypatch.setattr(numerics, name, value)
-    monkeypatch.setattr(Numerics, "_on_all", lambda *_: pytest.fail("fitted again"))
-    _, shooting, nominal, judged = made.choose(bench.segments, bench.shooting.noise, bench.nominal, bench.nominal, sets)
-    assert shooting.segments.size == len(nominal.starts) == len(judged.starts) == 6
-    assert judged.values[0][0] == pytest.approx(bench.viscous, rel=0.05)
-
-
-def test_discretisation_alone_tells_nothing(clean, monkeypatch) -> None:
-    """A fit of the nominal by a coarse form leaves much, and nothing is missing."""
-    made = Numerics.of(clean.integrated("Euler", 0.01), 1)
-    shooting = truth_of(clean, made, "fine", 0.1)
-    coarse = shooting.fit([((), ())], clean.nominal.starts)[0]
-    monkeypatch.setattr(numerics, "_JUDGES", 1)
-    monkeypatch.setattr(numerics, "_AFFORDED", 1.0)
-    monkeypatch.setattr(numerics, "_PLENTY", 0.5 * coarse.chi2)
-    assert coarse.chi2 > 10 * shooting.dof
-    _, working, _, judged = made.choose(shooting.segments, shooting.noise, coarse, coarse)
-    assert working.segments.size == shooting.segments.size
-    assert judged.chi2 / working.dof == pytest.approx(1.0, abs=0.2)
-
-
 @pytest.mark.parametrize("fair", [True, False])
 def test_where_something_touches_a_form_must_do_justice_to_the_nominal_too(clean, fair) -> None:
     """A correction made behind a set may spoil the nominal, which the precise form fits as it is."""
@@ -277,3 +219,17 @@ def test_where_something_touches_only_forms_that_are_close_in_brief_pieces_are_f
     fit = shooting.fit([((), ())], clean.nominal.starts)[0]
     found = made._rivals([made.given, made.fine], shooting, fit)
     assert [(rival.engine, rival.left) for rival in found] == [(made.fine, 109.0), (made.own[1], 100.0)]
+
+
+def test_discretisation_alone_tells_nothing(clean, monkeypatch) -> None:
+    """A fit of the nominal by a coarse form leaves much, and nothing is missing."""
+    made = Numerics.of(clean.integrated("Euler", 0.01), 1)
+    shooting = truth_of(clean, made, "fine", 0.1)
+    coarse = shooting.fit([((), ())], clean.nominal.starts)[0]
+    monkeypatch.setattr(telling, "_JUDGES", 1)
+    monkeypatch.setattr(telling, "_AFFORDED", 1.0)
+    monkeypatch.setattr(telling, "_PLENTY", 0.5 * coarse.chi2)
+    assert coarse.chi2 > 10 * shooting.dof
+    _, working, _, judged = made.choose(shooting.segments, shooting.noise, coarse, coarse)
+    assert working.segments.size == shooting.segments.size
+    assert judged.chi2 / working.dof == pytest.approx(1.0, abs=0.2)

@@ -5,7 +5,9 @@ import dataclasses
 import numpy as np
 import pytest
 
-from torch_activegp.diagnosis.selection.heats import heat, near, seen_on
+from torch_activegp.diagnosis.selection import heats as module
+from torch_activegp.diagnosis.selection.heats import Heat, heat, near, seen_on
+from torch_activegp.diagnosis.shooting.race import Race
 from torch_activegp.diagnosis.shooting.score import Score
 
 WET, LOAD = "viscous_friction", "constant_force"
@@ -31,6 +33,28 @@ def test_what_gains_too_little_on_a_part_is_not_fitted_to_all(bench, sets, misma
     changed = (starts != bench.nominal.starts).any(axis=-1).mean(axis=-1)
     assert ((0.0 < changed) & (changed < 1.0) if mismatch > 100.0 else changed == 0.0).all()
     assert len(starts) == len(found)
+
+
+@pytest.mark.parametrize(("mismatch", "tried"), [(4e4, True), (2e4, False)])
+def test_on_most_of_the_data_nothing_is_tried_first(bench, sets, monkeypatch, mismatch: float, tried: bool) -> None:
+    """It would save nothing: an effect must gain 240 or 120, of which a part shows 100 in the mean."""
+    which = np.tile(np.arange(bench.segments.size), 9)
+    many, nominal = bench.shooting.pick(which), bench.nominal.pick(which)
+    asked: list[int] = []
+    monkeypatch.setattr(
+        module, "near", lambda part, *_: asked.append(part.segments.size) or Heat([], nominal.starts[None][:0])
+    )
+    heat(many, sets, nominal, Score(bench.shooting.samples, 20, 1.0, mismatch=mismatch))
+    assert bool(asked) == tried
+
+
+def test_fits_on_a_part_end_where_so_much_is_computed_in_all(bench, sets, monkeypatch) -> None:
+    ends: list[float] = []
+    monkeypatch.setattr(module, "Race", lambda work: ends.append(work) or Race(work=work))
+    score = Score(bench.shooting.samples, 20, 1.0, mismatch=1e5)
+    heat(bench.shooting, sets, bench.nominal, score, 7e6)
+    heat(bench.shooting, sets, bench.nominal, score)
+    assert ends == [7e6, np.inf]
 
 
 def test_what_costs_no_more_than_the_fit_passes(bench, sets) -> None:

@@ -33,6 +33,8 @@ _SAME = 0.02
 """Part of chi2 by which fits may differ that are called the same."""
 _MUCH = 2.0
 """Times the noise: what leaves less is near it."""
+_ALIKE = 1.0
+"""Chi2 by which two forms differ that nothing tells apart."""
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
@@ -42,7 +44,7 @@ class Rival:
     Args:
         engine: the form.
         exact: what it predicts there, ``(S, K + 1, C)``.
-        left: chi2 that no change of the initial states takes away.
+        left: chi2 that no change of the initial states and parameters takes away, to first order.
     """
 
     engine: Engine
@@ -54,9 +56,24 @@ class Rival:
         """A form at a fit."""
         assert rough.design is not None
         exact = dataclasses.replace(shooting, engine=engine).predicted(rough)
-        white = shooting.residuals(exact)
-        left = float((_beside(rough.design, white) ** 2).sum())
+        left = _unexplained(rough, shooting.residuals(exact))
         return cls(engine, exact, left if np.isfinite(left) else np.inf)
+
+
+def distinct(rivals: Sequence[Rival], shooting: Shooting, rough: Fit) -> list[Rival]:
+    """Those of some rivals that can be told from all that come before them.
+
+    Args:
+        rivals: the one to keep of several that are alike comes first.
+        shooting: the likelihood.
+        rough: the fit at which they compete.
+    """
+    kept: list[Rival] = []
+    for rival in rivals:
+        apart = (shooting.noise.whiten(shooting.segments, rival.exact - other.exact) for other in kept)
+        if not any(_unexplained(rough, white) < _ALIKE for white in apart):
+            kept.append(rival)
+    return kept
 
 
 def first_close(
@@ -192,6 +209,18 @@ def _as_recorded(shooting: Shooting, fit: Fit) -> Array:
     states[:, places] += seen[:, places] - read
     states[:, speeds] = seen[:, speeds]
     return states
+
+
+def _unexplained(fit: Fit, white: Array) -> float:
+    """Chi2 of whitened columns ``(S, M)`` that no change of the initial states and parameters of a fit makes."""
+    assert fit.design is not None
+    left = _beside(fit.design, white)
+    if fit.columns is None or not fit.columns.any() or not np.isfinite(left).all():
+        return float((left**2).sum())
+    moved = np.stack([_beside(fit.design, column) for column in np.moveaxis(fit.columns, -1, 0)], axis=-1)
+    moved = moved.reshape(-1, moved.shape[-1])
+    best = np.linalg.lstsq(moved, left.ravel(), rcond=None)[0]
+    return float(((left.ravel() - moved @ best) ** 2).sum())
 
 
 def _beside(design: Array, white: Array) -> Array:

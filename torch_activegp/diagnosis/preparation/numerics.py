@@ -6,13 +6,13 @@ import dataclasses
 from collections.abc import Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 
 from torch_activegp.diagnosis.inputs.runs import Array
 from torch_activegp.diagnosis.inputs.segments import Segments
 from torch_activegp.diagnosis.noise.model import NoiseModel
-from torch_activegp.diagnosis.preparation.agreement import Rival, bar, first_close, same, settled, unabsorbed
+from torch_activegp.diagnosis.preparation.agreement import Rival, bar, distinct, first_close, same, settled, unabsorbed
 from torch_activegp.diagnosis.preparation.brief_pieces import left_in_brief
+from torch_activegp.diagnosis.preparation.telling import CREEPS, enough, telling
 from torch_activegp.diagnosis.shooting.fit import Fit
 from torch_activegp.diagnosis.shooting.likelihood import Shooting
 from torch_activegp.diagnosis.shooting.score import NOISE_ALONE
@@ -23,22 +23,17 @@ from torch_activegp.physics.effect import Effect
 _PRICE = 20.0
 _FINEST = 2.0
 """Chi2 by which shorter steps must fit better: they cost time alone."""
-_JUDGES = 16
-_PART = 0.25
-"""Forms are compared on this part of the segments; on fewer, but so many, where they take long (see below)."""
 _MUCH, _CLEARLY = 2.0, 0.25
 """Where more than this times the noise is left, another form than the model's own must fit better by so much of it:
 one form or the other absorbs some of what is missing by chance."""
 _DISCRETE = 0.03
 """Part of chi2 by which the model's own time steps must fit better: a machine has none. Dry friction of 0.12 N m was
 found as 0.1165 with steps of 2.5 ms that fitted one run better by a fortieth of its chi2."""
-CREEPS = 12
-"""Rounds for the nominal's fit behind a set: one that is far off creeps, and what is near is fitted once more later."""
-_AFFORDED, _PLENTY = 25e3, 30e3
-"""Where simulating all segments once takes more time steps than this, as many are taken as take so many and leave so
-much chi2 above the noise, of which 0.1 % is 30. A valve of dry friction recorded to 0.05 mrad took 280 thousand."""
 _NEAR, _LOST = 2.0, 4.0
 """Where a form leaves less than so many times the noise, others that leave so many times as much are given up."""
+_BEHIND, _FAR_BEHIND, _BARE_BEHIND = 0.02, 50.0, 10.0
+"""Where one leaves noise alone, others are not fitted that cost more to first order: by a part of its cost and so much
+chi2, for parameters may move far; by so much where initial states alone are fitted. Not where something touches."""
 _GLANCE, _NO_FARTHER = 6, 1.1
 """Segments on which the model's own integrator is tried in steps of several lengths, and how much more than the other
 forms the best may leave there to be fitted; where something touches, any form than the best one in brief pieces."""
@@ -107,14 +102,14 @@ class Numerics(Forms):
         loud = known is not None and near.chi2 > NOISE_ALONE * known[1].dof
         whole, competing = Shooting(self.coarse, segments, noise), self._forms(segments, sets[:1], known, loud)
         longest = max(competing, key=lambda form: form.steps_in(segments))
-        first, which = whole.subset(max(_JUDGES / segments.size, min(_PART, _affordable(longest, segments))))
+        first, which = whole.subset(enough(longest, segments))
         rough = self._rough(first, near.pick(which), sets[:1])
         trials = [*_without_delays(sets[:1]), *_otherwise_late(sets)]
-        engine, working, judged = self._race(competing, first, rough, trials, whole.dof)
+        engine, working, judged = self._race(competing, first, rough, trials, whole.dof, known)
         if known is not None and engine is known[0] and judged.effects == near.effects:
             return *known, nominal, near
         if first.segments.size < segments.size:
-            part = _telling(whole, working, nominal, nominal.pick(which))
+            part = telling(whole, working, nominal, nominal.pick(which))
             near, nominal = near.beginning(which, judged.starts).pick(part), nominal.pick(part)
             if not np.array_equal(part, which):
                 working = dataclasses.replace(whole.pick(part), engine=working.engine)
@@ -137,7 +132,13 @@ class Numerics(Forms):
         return fit if fit.design is not None else first.fit([(fit.effects, fit.values)], fit.starts, hold=True)[0]
 
     def _race(
-        self, competing: Sequence[Engine], first: Shooting, rough: Fit, trials: Sets, dof: int
+        self,
+        competing: Sequence[Engine],
+        first: Shooting,
+        rough: Fit,
+        trials: Sets,
+        dof: int,
+        known: Known | None = None,
     ) -> tuple[Engine, Shooting, Fit]:
         """The precise form under which a set, or one of some others, fits best; likelihood and fit.
 
@@ -147,11 +148,16 @@ class Numerics(Forms):
             rough: a fit of the set there.
             trials: what may do as well as the set.
             dof: of all segments.
+            known: as in `choose`.
         """
-        results, share, least = [], first.dof / dof, np.inf
-        rivals = self._rivals(competing, first, rough)
-        for rival in sorted(rivals, key=lambda rival: rival.left):
+        results: list[tuple[float, Engine, Shooting, Fit]] = []
+        share, least = first.dof / dof, np.inf
+        rivals = sorted(self._rivals(competing, first, rough), key=lambda one: self._dear(one.engine, first, known))
+        for rival in sorted(distinct(rivals, first, rough), key=lambda rival: rival.left):
             lost = _LOST * least if least < _NEAR * first.dof else np.inf
+            expected = self._cost(rival.engine, rough, rival.left / share, dof)
+            if least < NOISE_ALONE * first.dof and not self.stiff and expected > _too_far(results, rough):
+                continue
             working, judged = self._working(rival, first, rough, lost)
             if judged.chi2 > lost:
                 continue
@@ -161,6 +167,10 @@ class Numerics(Forms):
             cost = self._cost(rival.engine, best, best.chi2 / share, dof)
             results.append((cost, rival.engine, working, best))
         return min(results, key=lambda result: result[0])[1:]
+
+    def _dear(self, engine: Engine, first: Shooting, known: Known | None) -> tuple[bool, bool, float]:
+        """Of forms that nothing tells apart the least is taken: the one before, then the fine one, then the cheap."""
+        return known is None or engine is not known[0], engine is not self.fine, engine.steps_in(first.segments)
 
     def _rivals(self, competing: Sequence[Engine], first: Shooting, rough: Fit) -> list[Rival]:
         """The forms to fit.
@@ -248,27 +258,10 @@ class Numerics(Forms):
         return [*sorted(cheap[:-1], key=far), cheap[-1]]
 
 
-def _affordable(engine: Engine, segments: Segments) -> float:
-    """The share of some segments that an engine simulates in time, at least two of each run."""
-    return max(_AFFORDED / engine.steps_in(segments), max(_JUDGES, 2 * len(segments.runs)) / segments.size)
-
-
-def _telling(whole: Shooting, working: Shooting, nominal: Fit, here: Fit) -> NDArray[np.int64]:
-    """Segments, evenly spread, that tell enough where simulating all takes long; else all.
-
-    Args:
-        whole: the likelihood over all segments.
-        working: that over some, by the form to simulate with.
-        nominal: a fit of the nominal to all, by any form.
-        here: the same fit over those of `working`.
-    """
-    segments = whole.segments
-    share = _affordable(working.engine, segments)
-    if share >= 1.0:
-        return np.arange(segments.size)
-    bare = working.fit([((), ())], here.starts, CREEPS, near=here)[0]  # discretisation alone tells nothing
-    excess = (min(bare.chi2, nominal.chi2 * working.dof / whole.dof) - working.dof) * whole.dof / working.dof
-    return whole.subset(min(max(share, _PLENTY / max(excess, 1.0)), 1.0))[1]
+def _too_far(results: Sequence[tuple[float, Engine, Shooting, Fit]], rough: Fit) -> float:
+    """The cost, as it is seen to first order, from which on a form is not fitted."""
+    best = min(result[0] for result in results)
+    return best + (_BEHIND * best + _FAR_BEHIND if rough.effects else _BARE_BEHIND)
 
 
 def _just(working: Shooting, precise: Shooting, nominal: Fit, bare: Fit, judged: Fit) -> tuple[Shooting, Fit, Fit]:

@@ -16,7 +16,8 @@ from torch_activegp.diagnosis.preparation.brief_pieces import closest
 from torch_activegp.diagnosis.preparation.given_numerics import GivenNumerics
 from torch_activegp.diagnosis.preparation.lengths import Lengths, longest
 from torch_activegp.diagnosis.preparation.noise_left import noise_behind, raised
-from torch_activegp.diagnosis.preparation.numerics import CREEPS, Numerics, Sets
+from torch_activegp.diagnosis.preparation.numerics import Numerics, Sets
+from torch_activegp.diagnosis.preparation.telling import CREEPS
 from torch_activegp.diagnosis.selection.compared import Selection
 from torch_activegp.diagnosis.selection.corrections import correct_alike
 from torch_activegp.diagnosis.selection.first_names import Naming, besides, in_brief_pieces, is_of, leaders, on_a_part

@@ -66,7 +66,7 @@ def heat(shooting: Shooting, sets: Sequence[Set], fit: Fit, score: Score, work: 
         return every
     share = max(_CLEAR / min((price for _, price in tried if price > 0.0), default=np.inf), PART)
     part, which = shooting.subset(share, fit.per_segment)
-    if part.segments.size > _HALF * shooting.segments.size:
+    if share > _HALF or part.segments.size == shooting.segments.size:
         return every
     share = part.segments.size / shooting.segments.size
     bars = [score.scale * (-share * price + CLOSE if price < 0.0 else -_LENIENT * share * price) for _, price in tried]
