@@ -49,7 +49,7 @@ def named() -> dict[str, Any]:
                 "probability": 0.52,
                 "parameters": {
                     "gain": {"value": 0.83, "unit": "", "ci95": None},
-                    "periods": {"value": [7.0, 14.0], "unit": "1/turn", "ci95": [[6.9, 7.1], [13.8, 14.2]]},
+                    "periods": {"value": 7.0, "unit": "1/turn", "ci95": [6.9, 7.1]},
                 },
                 "ties": [{"name": "payload_mass", "target": "body:cart"}],
             },
@@ -162,7 +162,7 @@ def test_the_sentence_comes_first_then_effects_ties_errors_and_files(run: Run, f
     for words in (
         "│ coulomb_friction │ 91 % │ 98 % │ level 0.312 N (0.293 to 0.331) │",
         "│ actuator_gain │ 7 % │ 52 % │ gain 0.83 │",
-        "periods 1 7.00 1/turn (6.90 to",
+        "periods 7.00 1/turn (6.90 to",
         "Tie: actuator_gain at actuator:push cannot be told from payload_mass at body:cart by these recordings.",
         "Fitted along and not named: armature_error at joint:slide.",
         "Each recording left out in turn: 2 of 2.",

@@ -1,6 +1,5 @@
 from __future__ import annotations
 
-import dataclasses
 import json
 from pathlib import Path
 from types import SimpleNamespace
@@ -13,9 +12,7 @@ import pytest
 from torch_activegp.data import Recording
 from torch_activegp.data.balls import balls_model, load_balls
 from torch_activegp.diagnosis import diagnose, evaluate
-from torch_activegp.diagnosis.diagnose import _remainder, _rivals
-from torch_activegp.diagnosis.selection.compared import Selection
-from torch_activegp.diagnosis.shooting.score import Score
+from torch_activegp.diagnosis.diagnose import _remainder
 from torch_activegp.errors import ConfigurationError, DataError
 from torch_activegp.physics import Parameter, Place
 from torch_activegp.physics.friction import write_sharp
@@ -192,22 +189,26 @@ def test_runs_may_differ_in_rate(bench, level: float) -> None:
         assert effect.parameters["level"].value == pytest.approx(level, rel=0.03)
     errors = found.details["fit"]["holdout"]["free_run"]
     assert errors["after"] < 1.2 * errors["noise"]
+    rates = [round(entry["rate_hz"], 3) for entry in found.details["recordings"]]
+    assert rates == [200.0, 20.0, 50.0]
 
 
 def test_two_calls_give_equal_dictionaries(bench, record, diagnosed) -> None:
     stages: list[str] = []
+    shares: list[float] = []
     again = diagnose(
         bench.xml,
         [record("viscous", i, f"run{i}") for i in range(3)],
         [record("viscous", 9, "kept")],
         nthread=1,
-        tell=lambda words, done: stages.append(words),
+        tell=lambda words, done: stages.append(words) or shares.append(done),
     )
     first = diagnosed("viscous")
     assert again.to_dict() == first.to_dict()
     assert json.dumps(again.evidence) == json.dumps(first.evidence)
     assert again.files == first.files
     assert stages[0] == "reading" and "forecasting held-out runs" in stages
+    assert shares == sorted(shares) and shares[0] == 0.0 and shares[-1] == 0.99
 
 
 def test_the_result_is_json_and_names_its_recordings(diagnosed, tmp_path) -> None:
@@ -232,22 +233,6 @@ def test_what_cannot_be_diagnosed_is_refused(bench, record) -> None:
         diagnose(bench.xml, [record(qpos__knee=np.linspace(0.0, 1.0, 201))])
     with pytest.raises(ConfigurationError, match="no file `missing.xml`"):
         diagnose("missing.xml", [record()])
-
-
-@pytest.mark.parametrize(("worse", "shown"), [(5.0, 2), (-5.0, 3)])
-def test_a_rival_that_was_given_up_in_a_race_is_not_reported(bench, worse, shown) -> None:
-    """It fits worse than a part of itself; beside what was fitted, its figures would contradict them."""
-    part = bench.fit("viscous_friction", 0.05)
-    both = (*part.effects, bench.effect("linear_spring")), (*part.values, np.zeros(1))
-    whole = dataclasses.replace(part, effects=both[0], values=both[1], chi2=part.chi2 + worse)
-    fits = [part, whole, bench.nominal]
-    selection = Selection(bench.nominal, fits, Score(bench.shooting.samples, 10, 1.0))
-    explanation = SimpleNamespace(shooting=bench.shooting, selection=selection)
-    compared = [(fit, float(i), 0.3) for i, fit in enumerate(fits)]
-    rivals = _rivals(explanation, SimpleNamespace(fit=part, rivals=compared))
-    assert len(rivals) == shown
-    assert len(_rivals(explanation, SimpleNamespace(fit=whole, rivals=compared))) == 3  # unless it was chosen
-    assert [rival["delta_bic"] for rival in rivals][-1] == 2.0
 
 
 def test_what_a_prescribed_joint_carries_is_explained(double, tmp_path) -> None:

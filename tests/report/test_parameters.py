@@ -26,13 +26,6 @@ def test_an_interval_around_zero_is_said() -> None:
     assert section.content["effects"][0]["rows"][0]["loose"]
 
 
-def test_a_vector_has_one_row_for_each_number() -> None:
-    section = _section(value=[72, 18], unit="1/turn", ci95=[[71, 73], [17, 19]])
-    assert [row["name"] for row in section.content["effects"][0]["rows"]] == ["rest angle 1", "rest angle 2"]
-    assert [row["interval"] for row in section.content["effects"][0]["rows"]] == ["71.0 to 73.0", "17.0 to 19.0"]
-    assert len(_section(value=[1.0, 2.0], ci95=None).content["effects"][0]["rows"]) == 2
-
-
 def test_without_interval_there_is_no_picture() -> None:
     section = _section(value=0.1)
     assert section.heading == "1 parameter fitted"

@@ -16,6 +16,13 @@ def test_recordings_noise_and_notes(fakes: Any) -> None:
     assert len(section.content["notes"]) == 2
 
 
+def test_what_concerns_one_recording_stands_beside_it(fakes: Any) -> None:
+    diagnosis, evidence = fakes["named"]()
+    own = "bench_04.csv: a gap of 0.12 s at 2.31 s splits it"
+    section = sources(diagnosis | {"notes": [own, "bench_05.csv: a gap of 0.12 s at 2.31 s splits it"]}, evidence)
+    assert section.content["notes"] == ["bench_05.csv: a gap of 0.12 s at 2.31 s splits it"]
+
+
 def test_little_is_said_of_little() -> None:
     assert sources({"verdict": "none"}, {}) is None
     section = sources({"verdict": "none", "notes": ["All was clear."]}, {})

@@ -1,7 +1,5 @@
 from __future__ import annotations
 
-from typing import Any
-
 import pytest
 
 from torch_activegp.report.words import (
@@ -11,10 +9,8 @@ from torch_activegp.report.words import (
     counted,
     effect_text,
     effects_text,
-    excess,
     explained,
     listed,
-    own_sentence,
     place_name,
 )
 
@@ -48,41 +44,6 @@ def test_belief(probability: float, word: str) -> None:
 )
 def test_bic_words(difference: float, word: str) -> None:
     assert bic_word(difference) == word
-
-
-@pytest.mark.parametrize(
-    ("verdict", "effects", "sentence"),
-    [
-        ("none", [], "The simulator agrees with the recordings: what is left looks like measurement noise."),
-        ("named", [COULOMB], "Coulomb friction at joint elbow explains 91 % of the mismatch."),
-        (
-            "named",
-            [WIND | {"share": 0.6}, COULOMB],
-            "Constant force and Coulomb friction at joint elbow explain 100 % of the mismatch.",
-        ),
-        (
-            "tie",
-            [GAIN | {"ties": [WIND]}],
-            "Actuator gain at actuator m1 or constant force: these recordings cannot separate them.",
-        ),
-        ("unknown", [], "The simulator is wrong, and no effect that we know explains it."),
-        (
-            "unknown",
-            [WIND],
-            "The simulator is wrong, and no effect that we know explains it. Only constant force could be named.",
-        ),
-    ],
-)
-def test_own_sentence(verdict: str, effects: list[Any], sentence: str) -> None:
-    assert own_sentence({"verdict": verdict, "effects": effects}).replace("\u00a0", " ") == sentence
-
-
-def test_what_the_simulator_has_too_much_of_is_said() -> None:
-    diagnosis = {"verdict": "named", "effects": [COULOMB | {"too_much": True}, GAIN | {"too_much": False}]}
-    assert own_sentence(diagnosis).endswith(
-        " of the mismatch. The simulator has too much Coulomb friction at joint elbow."
-    )
-    assert excess([COULOMB]) == ""
 
 
 def test_shares_add_up_to_one_at_most() -> None:

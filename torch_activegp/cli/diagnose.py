@@ -216,25 +216,19 @@ def _effects(effects: Sequence[Values]) -> Table:
         table.add_column(heading, justify="right", no_wrap=True)
     table.add_column("parameters")
     for effect in effects:
-        parameters = "\n".join(
-            line for name, values in (effect.get("parameters") or {}).items() for line in _parameter(name, values)
-        )
+        known = (effect.get("parameters") or {}).items()
+        parameters = "\n".join(_parameter(name, values) for name, values in known)
         shares = (percent(effect.get(key)) for key in ("share", "probability"))
         excess = "\ntoo much in the simulator" if effect.get("too_much") else ""
         table.add_row(f"{effect['name']}\n{effect['target']}{excess}", *shares, parameters)
     return table
 
 
-def _parameter(name: str, found: Values) -> list[str]:
-    value, interval = found["value"], found.get("ci95")
-    if isinstance(value, Sequence):
-        ends = interval if interval is not None and len(interval) == len(value) else [None] * len(value)
-        parts = [{**found, "value": one, "ci95": pair} for one, pair in zip(value, ends, strict=True)]
-        return [line for index, part in enumerate(parts, 1) for line in _parameter(f"{name} {index}", part)]
-    text, ends = estimate(value, interval)
+def _parameter(name: str, found: Values) -> str:
+    text, ends = estimate(found["value"], found.get("ci95"))
     unit = found.get("unit") or ""
     words = [name, text, "" if unit == "1" else unit, "" if ends == MISSING else f"({ends})"]
-    return [" ".join(word for word in words if word)]
+    return " ".join(word for word in words if word)
 
 
 def _errors(held_out: Values) -> Table:

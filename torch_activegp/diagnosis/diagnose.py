@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 import logging
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from typing import Any
 
-import numpy as np
 from threadpoolctl import threadpool_limits
 
 from torch_activegp.data import Recording
 from torch_activegp.diagnosis.checkpoint import Checkpoint
+from torch_activegp.diagnosis.findings.entries import named_effects, recording_entries, retuned_entries, rival_entries
 from torch_activegp.diagnosis.findings.evidence import laws, map_region, map_time
 from torch_activegp.diagnosis.findings.forecast import compare
 from torch_activegp.diagnosis.findings.locate import entries, locate, somewhere
@@ -24,9 +24,8 @@ from torch_activegp.diagnosis.inputs.fingerprint import fingerprint
 from torch_activegp.diagnosis.inputs.machine import Machine, check_given, make_machine
 from torch_activegp.diagnosis.inputs.runs import Array, input_addresses, median_step
 from torch_activegp.diagnosis.inputs.source import Source, read_source
-from torch_activegp.diagnosis.result import Diagnosis, NamedEffect
+from torch_activegp.diagnosis.result import Diagnosis
 from torch_activegp.diagnosis.selection.explain import Explanation, explain
-from torch_activegp.diagnosis.selection.intervals import estimates
 from torch_activegp.diagnosis.selection.judge import Judgement
 from torch_activegp.diagnosis.shooting.fit import Fit
 from torch_activegp.diagnosis.shooting.linearize import linearize
@@ -34,17 +33,22 @@ from torch_activegp.diagnosis.simulation.blackbox_simulator import simulator_wit
 from torch_activegp.diagnosis.simulation.candidate import NOMINAL
 from torch_activegp.diagnosis.simulation.correction import Form, corrected_xml
 from torch_activegp.diagnosis.simulation.places import effects_for
-from torch_activegp.diagnosis.simulation.saved import saved
-from torch_activegp.diagnosis.simulation.simulator import EffectSimulator
-from torch_activegp.errors import ConfigurationError
+from torch_activegp.diagnosis.simulation.saved import saved_files
 from torch_activegp.physics.effect import Effect
-from torch_activegp.simulators import Simulator
 
 _logger = logging.getLogger(__name__)
-_SHOWN = 8
-"""So many rivals are reported, and the nominal."""
 _WORTH_LEARNING = 0.03
 """A remainder of a smaller part of the mismatch is not modelled."""
+
+_DONE = {
+    "noise floor": 0.02,
+    "naming in brief pieces": 0.1,
+    "naming on a part of the data": 0.3,
+    "naming on all data": 0.7,
+    "naming with the noise seen behind the effects": 0.75,
+    "naming with the numerics seen behind the effects": 0.8,
+}
+"""Part of the time that is usually gone when a stage begins; where there is little to explain, more is."""
 
 Tell = Callable[[str, float | None], None]
 
@@ -72,7 +76,7 @@ def diagnose(
         effects: classes of your own, which are tried beside those on the list wherever they can act.
         seed: of the controls proposed for the next experiment; nothing else is random.
         nthread: threads of the simulations; 0 for all cores.
-        tell: hears the name of each stage and the part of the work that is done.
+        tell: hears the name of each stage and which part of the work is usually done by then, 0 to 1.
         checkpoint: keeps finished stages in a file, from which the same call goes on after an interruption.
 
     Returns:
@@ -99,11 +103,23 @@ def diagnose(
     if checkpoint is not None:
         checkpoint.open(fingerprint(source, machine, tried, seed))
     try:
-        explanation = explain(machine, tried, nthread, lambda words: say(words, None), checkpoint)
-        say("weighing the evidence", 0.7)
+        explanation = explain(machine, tried, nthread, _usually_done(say), checkpoint)
+        say("weighing the evidence", 0.9)
         return _report(source, machine, explanation, decide(explanation.shooting, explanation.selection), seed, say)
     finally:
         linearize.cache_clear()  # holds likelihood and recordings
+
+
+def _usually_done(say: Tell) -> Callable[[str], None]:
+    """Tells stages with the part of the work that is usually done; within one, and where one comes again, it stays."""
+    done = 0.0
+
+    def tell(words: str) -> None:
+        nonlocal done
+        done = max(done, _DONE.get(words, done))
+        say(words, done)
+
+    return tell
 
 
 def _report(
@@ -111,11 +127,11 @@ def _report(
 ) -> Diagnosis:
     shooting, nominal = explanation.shooting, explanation.selection.nominal
     judgement = verdict.judgement
-    say("locating", 0.8)
+    say("locating", 0.93)
     mismatch = max(nominal.chi2 - shooting.dof, 0.0)
     regions = locate(shooting, nominal) if judgement.verdict != "none" else []
     places = somewhere(_certain(judgement))
-    say("forecasting held-out runs", 0.85)
+    say("forecasting held-out runs", 0.95)
     chosen = judgement.fit if judgement.verdict in ("named", "tie") else nominal
     engine = explanation.engine.without_leapfrog()  # which `corrected.xml` cannot ask of MuJoCo
     models = {"before": (engine, NOMINAL), "after": (engine, chosen.candidate if chosen.effects else NOMINAL)}
@@ -123,7 +139,7 @@ def _report(
     if outcome is not None and outcome.effect is not None:
         models["gp"] = (engine, outcome.on(chosen.candidate))
     holdout, traces = compare(models, machine.holdout, machine.channels.joints, shooting.noise)
-    say("writing the correction", 0.95)
+    say("writing the correction", 0.99)
     numerics = None
     if explanation.fine:
         step = median_step(machine.fit)
@@ -133,7 +149,7 @@ def _report(
     learned = None
     if "gp" in models:
         learned = simulator_with(source, machine.channels, models["gp"][1], None, numerics)
-    named = _named(explanation, judgement, dict(zip(chosen.effects, held, strict=True)))
+    named = named_effects(explanation, judgement, dict(zip(chosen.effects, held, strict=True)))
     files: dict[str, str | bytes] = {}
     if xml is not None:
         files["corrected.xml"] = xml
@@ -159,10 +175,10 @@ def _report(
         "fit": {"holdout": holdout},
         "next_experiment": None if proposal is None else proposal[0],
         "model": {"name": source.name, "source": source.path},
-        "recordings": _recordings(machine),
+        "recordings": recording_entries(machine),
         "notes": [*machine.notes, *search_notes(explanation, machine.model), *_remainder_note(outcome), *verdict.notes],
-        "rivals": _rivals(explanation, judgement),
-        "retuned": _retuned(explanation, judgement),
+        "rivals": rival_entries(explanation, judgement),
+        "retuned": retuned_entries(explanation, judgement),
         "mjcf_diff": difference if chosen.effects else None,
         "remainder": None if outcome is None else outcome.details,
     }
@@ -174,20 +190,8 @@ def _report(
         "traces": traces,
     }
     words = sentence(judgement.verdict, named, details)
-    files |= _saved({"corrected.pt": corrected, "learned.pt": learned}, details["notes"])
+    files |= saved_files({"corrected.pt": corrected, "learned.pt": learned}, details["notes"])
     return Diagnosis(judgement.verdict, words, named, details, evidence, files, corrected, learned, verdict.stability)
-
-
-def _saved(simulators: Mapping[str, Simulator | None], notes: list[str]) -> dict[str, str | bytes]:
-    """Files of those that MJCF cannot hold, and a note on each that no file can."""
-    files: dict[str, str | bytes] = {}
-    for name, simulator in simulators.items():
-        if isinstance(simulator, EffectSimulator):
-            try:
-                files[name] = saved(simulator)
-            except ConfigurationError as error:
-                notes.append(f"{name} is not written: {error}")
-    return files
 
 
 def _certain(judgement: Judgement) -> list[tuple[Effect, Array]]:
@@ -221,67 +225,4 @@ def _remainder_note(outcome: Outcome | None) -> list[str]:
     return [
         "A Gaussian process of the force that is left, over positions, velocities and controls, did not improve "
         "forecasts on data kept from its training; it is not used."
-    ]
-
-
-def _named(explanation: Explanation, judgement: Judgement, held: dict[Any, bool | None]) -> tuple[NamedEffect, ...]:
-    if judgement.verdict not in ("named", "tie"):
-        return ()
-    values = judgement.fit.by_effect
-    return tuple(
-        NamedEffect(
-            effect.name,
-            effect.target,
-            effect.law_with(values[effect]),
-            share,
-            probability,
-            estimates(explanation.shooting, judgement.fit, effect),
-            ties,
-            held.get(effect, False),
-            effect.too_much(values[effect]),
-        )
-        for effect, share, probability, ties in zip(
-            judgement.named, judgement.shares, judgement.probabilities, judgement.ties, strict=True
-        )
-    )
-
-
-def _retuned(explanation: Explanation, judgement: Judgement) -> list[dict[str, Any]]:
-    """What goes into the correction without a name."""
-    out = []
-    for effect in judgement.retuned if judgement.verdict in ("named", "tie") else ():
-        values = estimates(explanation.shooting, judgement.fit, effect)
-        parameters = {k: {"value": e.value, "unit": e.unit, "ci95": list(e.ci95)} for k, e in values.items()}
-        out.append({"name": effect.name, "target": effect.target, "parameters": parameters})
-    return out
-
-
-def _rivals(explanation: Explanation, judgement: Judgement) -> list[dict[str, Any]]:
-    dof = explanation.shooting.dof
-    within = explanation.selection.within  # a set that was given up in a race fits worse than a part of itself
-    ended = [rival for rival in judgement.rivals if rival[0] is judgement.fit or within(rival[0]) is None]
-    shown = [rival for i, rival in enumerate(ended) if i < _SHOWN or not rival[0].effects]
-    return [
-        {
-            "effects": [{"name": name, "target": target} for name, target in (e.key for e in fit.effects)],
-            "chi2_per_dof": fit.chi2 / max(dof - fit.size, 1),
-            "delta_bic": distance,
-            "probability": weight,
-        }
-        for fit, distance, weight in shown
-    ]
-
-
-def _recordings(machine: Machine) -> list[dict[str, Any]]:
-    return [
-        {
-            "name": run.label,
-            "role": role,
-            "rows": int(run.counted.sum()),
-            "seconds": float(run.time[-1]),
-            "rate_hz": float(1.0 / np.median(run.dt)),
-            "notes": [],
-        }
-        for role, runs in (("fit", machine.fit), ("holdout", machine.holdout))
-        for run in runs
     ]

@@ -38,7 +38,7 @@ def parameters(diagnosis: Values, evidence: Values) -> Section | None:
 
 def _group(effect: Values) -> dict[str, Any]:
     known = (effect.get("parameters") or {}).items()
-    rows = [row for name, found in known for row in _rows(effect["name"], name, found)]
+    rows = [_row(effect["name"], name, found) for name, found in known]
     probability = effect.get("probability")
     return {
         "name": capital(effect_text(effect)),
@@ -47,16 +47,6 @@ def _group(effect: Values) -> dict[str, Any]:
         "excess": bool(effect.get("too_much")),
         "rows": rows,
     }
-
-
-def _rows(effect: str, name: str, found: Values) -> list[dict[str, Any]]:
-    value, interval = found.get("value"), found.get("ci95")
-    if not isinstance(value, Sequence) or isinstance(value, str):
-        return [_row(effect, name, found)]
-    nested = interval if interval is not None and len(interval) == len(value) else [None] * len(value)
-    pairs = zip(value, nested, strict=True)
-    parts = [{**found, "value": part, "ci95": ends} for part, ends in pairs]
-    return [_row(effect, f"{name} {index}", part) for index, part in enumerate(parts, 1)]
 
 
 def _row(effect: str, name: str, found: Values) -> dict[str, Any]:

@@ -17,7 +17,11 @@ def sources(diagnosis: Values, evidence: Values) -> Section | None:
     rows = [_row(recording) for recording in diagnosis.get("recordings") or []]
     noise = (diagnosis.get("mismatch") or {}).get("noise") or {}
     levels = [(name, quantity(value, known.get(name, ""))) for name, value in noise.items()]
-    notes, model = list(diagnosis.get("notes") or []), diagnosis.get("model") or {}
+    told = {
+        f"{one.get('name')}: {note}" for one in diagnosis.get("recordings") or [] for note in one.get("notes") or []
+    }
+    notes = [note for note in diagnosis.get("notes") or [] if note not in told]  # the others stand beside recordings
+    model = diagnosis.get("model") or {}
     if not (rows or levels or notes or model):
         return None
     heading = f"{counted(len(rows), 'recording')}, {_seconds(diagnosis)}" if rows else "What this report stands on"

@@ -7,7 +7,7 @@ from typing import Any
 from torch_activegp.errors import DataError
 from torch_activegp.report.numbers import is_number, misfit, number, p_value, percent
 from torch_activegp.report.section import Values
-from torch_activegp.report.words import belief, counted, explained, own_sentence
+from torch_activegp.report.words import belief, counted, explained
 
 BADGES = {
     "none": ("No mismatch found", "\u2713"),
@@ -31,7 +31,7 @@ def banner(diagnosis: Values) -> dict[str, Any]:
     badge, symbol = BADGES[verdict]
     return {
         "verdict": verdict,
-        "sentence": diagnosis.get("sentence") or own_sentence(diagnosis),
+        "sentence": diagnosis.get("sentence") or "",
         "badge": badge,
         "symbol": symbol,
         "sure": _sure(diagnosis),

@@ -5,8 +5,6 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping, Sequence
 from typing import Any
 
-from torch_activegp.report.numbers import percent
-
 _PROPER = {"coulomb": "Coulomb", "stribeck": "Stribeck"}
 _BELIEFS = (
     (0.99, "Near certain"),
@@ -68,30 +66,6 @@ def bic_word(difference: float) -> str:
     Reference: Kass & Raftery 1995, Bayes factors, section 3.2.
     """
     return next((word for bound, word in _BIC_WORDS if difference >= bound), "as good")
-
-
-def excess(effects: Sequence[Mapping[str, Any]]) -> str:
-    """A sentence about what the simulator has too much of, if there is such an effect."""
-    names = [effect_text(effect) for effect in effects if effect.get("too_much")]
-    return f" The simulator has too much {listed(names)}." if names else ""
-
-
-def own_sentence(diagnosis: Mapping[str, Any]) -> str:
-    """The verdict in one sentence, for a diagnosis that brings none."""
-    effects = diagnosis.get("effects") or []
-    verdict = diagnosis["verdict"]
-    if verdict == "none":
-        return "The simulator agrees with the recordings: what is left looks like measurement noise."
-    if verdict == "tie" and effects:
-        rivals = [effect_text(tie) for effect in effects for tie in effect.get("ties") or []]
-        return f"{capital(listed([effects_text(effects), *rivals], 'or'))}: these recordings cannot separate them."
-    if verdict == "named" and effects:
-        verb = "explains" if len(effects) == 1 else "explain"
-        return (
-            f"{capital(effects_text(effects))} {verb} {percent(explained(effects))} of the mismatch.{excess(effects)}"
-        )
-    known = f" Only {effects_text(effects)} could be named." if effects else ""
-    return f"The simulator is wrong, and no effect that we know explains it.{known}"
 
 
 def explained(effects: Sequence[Mapping[str, Any]]) -> float:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import dataclasses
 import io
 import pickle
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -68,6 +68,18 @@ def saved(simulator: EffectSimulator) -> bytes:
         return _HEADER + pickle.dumps(content, protocol=_PROTOCOL)
     except (pickle.PicklingError, AttributeError, TypeError) as error:
         raise ConfigurationError(f"{error}. Define the class of an effect at the top of a module.") from error
+
+
+def saved_files(simulators: Mapping[str, Simulator | None], notes: list[str]) -> dict[str, str | bytes]:
+    """Contents of files, by name, for those simulators that MJCF cannot hold; notes on those that no file can."""
+    files: dict[str, str | bytes] = {}
+    for name, simulator in simulators.items():
+        if isinstance(simulator, EffectSimulator):
+            try:
+                files[name] = saved(simulator)
+            except ConfigurationError as error:
+                notes.append(f"{name} is not written: {error}")
+    return files
 
 
 def load_corrected(

@@ -1,0 +1,86 @@
+"""Entries of ``diagnosis.json``: named effects, what was fitted along, rivals, recordings."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from torch_activegp.diagnosis.inputs.machine import Machine
+from torch_activegp.diagnosis.result import NamedEffect
+from torch_activegp.diagnosis.selection.explain import Explanation
+from torch_activegp.diagnosis.selection.intervals import estimates
+from torch_activegp.diagnosis.selection.judge import Judgement
+
+_SHOWN = 8
+"""So many rivals are reported, and the nominal."""
+
+
+def named_effects(
+    explanation: Explanation, judgement: Judgement, held: dict[Any, bool | None]
+) -> tuple[NamedEffect, ...]:
+    """The named effects, if there are any; `held` says of each whether MJCF holds it."""
+    if judgement.verdict not in ("named", "tie"):
+        return ()
+    values = judgement.fit.by_effect
+    return tuple(
+        NamedEffect(
+            effect.name,
+            effect.target,
+            effect.law_with(values[effect]),
+            share,
+            probability,
+            estimates(explanation.shooting, judgement.fit, effect),
+            ties,
+            held.get(effect, False),
+            effect.too_much(values[effect]),
+        )
+        for effect, share, probability, ties in zip(
+            judgement.named, judgement.shares, judgement.probabilities, judgement.ties, strict=True
+        )
+    )
+
+
+def retuned_entries(explanation: Explanation, judgement: Judgement) -> list[dict[str, Any]]:
+    """What goes into the correction without a name."""
+    out = []
+    for effect in judgement.retuned if judgement.verdict in ("named", "tie") else ():
+        values = estimates(explanation.shooting, judgement.fit, effect)
+        parameters = {k: {"value": e.value, "unit": e.unit, "ci95": list(e.ci95)} for k, e in values.items()}
+        out.append({"name": effect.name, "target": effect.target, "parameters": parameters})
+    return out
+
+
+def rival_entries(explanation: Explanation, judgement: Judgement) -> list[dict[str, Any]]:
+    """The sets that came closest, and the nominal."""
+    dof = explanation.shooting.dof
+    within = explanation.selection.within  # a set that was given up in a race fits worse than a part of itself
+    ended = [rival for rival in judgement.rivals if rival[0] is judgement.fit or within(rival[0]) is None]
+    shown = [rival for i, rival in enumerate(ended) if i < _SHOWN or not rival[0].effects]
+    return [
+        {
+            "effects": [{"name": name, "target": target} for name, target in (e.key for e in fit.effects)],
+            "chi2_per_dof": fit.chi2 / max(dof - fit.size, 1),
+            "delta_bic": distance,
+            "probability": weight,
+        }
+        for fit, distance, weight in shown
+    ]
+
+
+def recording_entries(machine: Machine) -> list[dict[str, Any]]:
+    """What was recorded, and what was decided about each recording."""
+    return [
+        {
+            "name": run.label,
+            "role": role,
+            "rows": int(run.counted.sum()),
+            "seconds": float(run.time[-1]),
+            "rate_hz": float(1.0 / np.median(np.diff(run.time[run.recorded]))),
+            "notes": [
+                note.removeprefix(f"{run.label}: ") for note in machine.notes if note.startswith(f"{run.label}: ")
+            ],
+        }
+        for role, runs in (("fit", machine.fit), ("holdout", machine.holdout))
+        for run in runs
+    ]
