@@ -13,9 +13,10 @@ from torch_activegp.diagnosis import diagnose
 from torch_activegp.diagnosis.noise.model import NoiseModel
 from torch_activegp.diagnosis.preparation.lengths import Lengths
 from torch_activegp.diagnosis.preparation.numerics import Numerics
+from torch_activegp.diagnosis.selection import explain as module
 from torch_activegp.diagnosis.selection.explain import _Start, _with_noise, explain
-from torch_activegp.diagnosis.selection.first_names import besides
-from torch_activegp.diagnosis.selection.search import select
+from torch_activegp.diagnosis.selection.first_names import besides, on_a_part
+from torch_activegp.diagnosis.selection.search import Depth, select
 from torch_activegp.errors import SimulationError
 from torch_activegp.simulators import FunctionSimulator
 
@@ -276,3 +277,15 @@ def test_a_simulator_that_fails_where_the_machine_was_says_in_which_run(black) -
     broken = FunctionSimulator(step, inner.state_space, inner.action_space, inner.dt)
     with pytest.raises(SimulationError, match=r"the simulator fails in run\d after .* s \(its state is no number"):
         diagnose(broken, [black.record("none", seed) for seed in (0, 1)], [black.record("none", 9)], nthread=1)
+
+
+@pytest.mark.parametrize("vain", [True, False])
+def test_behind_a_search_in_vain_little_more_is_searched(bench, monkeypatch, vain: bool) -> None:
+    for name in ("_ENOUGH", "FEWEST"):
+        monkeypatch.setattr(f"torch_activegp.diagnosis.selection.first_names.{name}", 1.0)
+    depths: list[Depth] = []
+    monkeypatch.setattr(module, "on_a_part", lambda *a: dataclasses.replace(on_a_part(*a), in_vain=vain))
+    monkeypatch.setattr(module, "select", lambda *a: depths.append(a[-1]) or select(*a))
+    explain(bench.machine, some(bench), 1)
+    assert depths
+    assert all((depth.work < Depth().work) == vain for depth in depths)

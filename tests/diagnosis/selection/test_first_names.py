@@ -9,8 +9,11 @@ from torch_activegp.diagnosis.noise.floor import noise_floor
 from torch_activegp.diagnosis.preparation.lengths import nominal_in_brief
 from torch_activegp.diagnosis.preparation.numerics import Numerics
 from torch_activegp.diagnosis.selection import explain as whole
+from torch_activegp.diagnosis.selection import first_names as module
+from torch_activegp.diagnosis.selection.compared import Selection
 from torch_activegp.diagnosis.selection.explain import explain
-from torch_activegp.diagnosis.selection.first_names import in_brief_pieces
+from torch_activegp.diagnosis.selection.first_names import Naming, in_brief_pieces
+from torch_activegp.diagnosis.shooting.score import Score
 
 
 def test_brief_pieces_have_no_lead_and_cover_everything_once(bench) -> None:
@@ -57,3 +60,13 @@ def test_names_from_brief_pieces_lead_on_where_the_nominal_is_far_off(bench, mon
     assert bool(seen) == far
     if far:
         assert seen[0].sets
+
+
+@pytest.mark.parametrize(("cut", "scale", "vain"), [(True, 3.0, True), (True, 1.5, False), (False, 3.0, False)])
+def test_a_long_search_that_leaves_much_was_in_vain(bench, monkeypatch, cut: bool, scale: float, vain: bool) -> None:
+    score = Score(bench.shooting.samples, 10, scale)
+    chosen = Selection(bench.nominal, [bench.nominal], score, cut_short=cut)
+    monkeypatch.setattr(module, "select", lambda *_, **__: chosen)
+    naming = Naming(bench.engine, bench.shooting, bench.nominal, bench.nominal)
+    numerics = Numerics.of(bench.machine, 1)
+    assert module.on_a_part(naming, numerics, bench.shooting.noise, [], lambda _: None).in_vain == vain

@@ -23,7 +23,7 @@ from torch_activegp.diagnosis.selection.corrections import correct_alike
 from torch_activegp.diagnosis.selection.first_names import Naming, besides, in_brief_pieces, is_of, leaders, on_a_part
 from torch_activegp.diagnosis.selection.polish import polish
 from torch_activegp.diagnosis.selection.prospects import hopeless
-from torch_activegp.diagnosis.selection.search import select
+from torch_activegp.diagnosis.selection.search import Depth, select
 from torch_activegp.diagnosis.selection.weak import also_weak
 from torch_activegp.diagnosis.shooting.fit import Fit
 from torch_activegp.diagnosis.shooting.likelihood import Shooting
@@ -42,6 +42,8 @@ _LIKE = 1.5
 """Numerics are not chosen again for noise of the same colour that differs by less than this factor."""
 _ANEW = 3
 """How often noise is taken anew behind what all data say."""
+_WHOLE, _IN_VAIN = Depth(), Depth(swaps=0, work=3e6, stepwise=False)
+"""The search on all data; and where a long one on a part left much more than noise: what is missing is hardly known."""
 _AGAIN = 3
 """How often numerics are looked at again behind new names."""
 
@@ -74,7 +76,8 @@ Tell = Callable[[str], None]
 class _Start:
     """What naming on all data begins from: numerics, likelihood, fits of the nominal and of a set, more sets.
 
-    And the noise by which the numerics were chosen, which may be an earlier one than the likelihood's.
+    And the noise by which the numerics were chosen, which may be an earlier one than the likelihood's; and how deep to
+    search.
     """
 
     engine: Engine
@@ -84,6 +87,7 @@ class _Start:
     first: Fit
     free: frozenset[tuple[str, str]]
     noise: NoiseModel
+    depth: Depth = _WHOLE
 
 
 def explain(
@@ -115,7 +119,7 @@ def explain(
 
     def select_from(start: _Start) -> Selection:
         _refuse_failed(start.shooting.segments, start.nominal)
-        return select(start.shooting, effects, start.nominal, start.sets, start.first, tell, start.free)
+        return select(start.shooting, effects, start.nominal, start.sets, start.first, tell, start.free, start.depth)
 
     def name() -> tuple[_Start, Selection]:
         start = keep.once("naming on a part of the data", begin)
@@ -175,7 +179,8 @@ def _start(
             used, nominal = fewer.segments, fewer.nominal
         if longer or (naming.best != frozenset(judged.effects) and not lost):
             engine, shooting, nominal, judged = numerics.choose(used, noise, nominal, nominal, [] if lost else sets)
-    return _Start(engine, shooting, nominal, besides(sets, judged), judged, naming.free, noise)
+    depth = _IN_VAIN if naming.in_vain else _WHOLE
+    return _Start(engine, shooting, nominal, besides(sets, judged), judged, naming.free, noise, depth)
 
 
 def _with_noise(
@@ -204,13 +209,13 @@ def _with_noise(
         shooting = dataclasses.replace(start.shooting, noise=noise)
         bare = shooting.fit([((), ())], nominal.starts, CREEPS, near=nominal)[0]
         judged = shooting.fit(sets[:1], near.starts, near=near)[0]
-        return _Start(start.engine, shooting, bare, besides(sets, judged), judged, free, start.noise)
+        return _Start(start.engine, shooting, bare, besides(sets, judged), judged, free, start.noise, start.depth)
     if far:
         longer = longest(machine, numerics, noise, _TOO_FAR)
         segments, nominal = longer.segments, longer.nominal
         near = nominal
     engine, shooting, nominal, judged = numerics.choose(segments, noise, near, nominal, sets)
-    return _Start(engine, shooting, nominal, besides(sets, judged), judged, free, noise)
+    return _Start(engine, shooting, nominal, besides(sets, judged), judged, free, noise, start.depth)
 
 
 def _finish(
@@ -230,7 +235,7 @@ def _finish(
                 engine, shooting, nominal = again, other, bare
                 tell("naming with the numerics seen behind the effects")
                 rest = besides(first, judged)
-                selection = select(shooting, effects, bare, rest, judged, tell, selection.score.free)
+                selection = select(shooting, effects, bare, rest, judged, tell, selection.score.free, start.depth)
         weak = also_weak(shooting, selection, effects, tell)
         if weak is selection:
             break

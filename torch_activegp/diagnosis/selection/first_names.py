@@ -32,6 +32,9 @@ _GLANCE = Depth(rounds=1, stepwise=False)
 """For names behind which numerics are chosen: under the wrong ones, names one after another are wrong too. On an arm in
 steps of 5 ms they took 60 s behind a backlash, and were delays of half a step."""
 
+_MUCH = 2.0
+"""Times the noise."""
+
 Tell = Callable[[str], None]
 
 
@@ -48,6 +51,7 @@ class Naming:
         free: what seemed to be tuned, :attr:`Score.free`.
         best: the effects of the best set.
         lost: whether what was found leaves nearly all.
+        in_vain: whether a long search left much more than noise.
     """
 
     engine: Engine
@@ -58,6 +62,7 @@ class Naming:
     free: frozenset[tuple[str, str]] = frozenset()
     best: frozenset[Effect] = frozenset()
     lost: bool = False
+    in_vain: bool = False
 
     @property
     def wants_a_part(self) -> bool:
@@ -115,7 +120,10 @@ def on_a_part(
         others = besides(sets, seen)
         chosen = select(part, effects, rough, others, seen, tell, free, Depth(swaps=0))  # swaps come with all data
     best, lost = frozenset(chosen.best.effects), hopeless(chosen, part)
-    return dataclasses.replace(naming, sets=leaders(chosen), free=chosen.score.free, best=best, lost=lost)
+    in_vain = chosen.cut_short and chosen.score.scale > _MUCH
+    return dataclasses.replace(
+        naming, sets=leaders(chosen), free=chosen.score.free, best=best, lost=lost, in_vain=in_vain
+    )
 
 
 def _part(shooting: Shooting, nominal: Fit) -> tuple[Shooting, NDArray[np.int64]]:
