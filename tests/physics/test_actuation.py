@@ -8,6 +8,7 @@ import mujoco
 import numpy as np
 import pytest
 
+from torch_activegp.physics import Place
 from torch_activegp.physics.actuation import (
     ACTUATION,
     ActuatorBias,
@@ -133,6 +134,39 @@ def test_a_lag_is_an_exponential(bench: Any, clock: list[float]) -> None:
     total = np.maximum(edges + 0.05 * np.expm1(-np.maximum(edges, 0.0) / 0.05), 0.0)  # integral of 1 - exp(-t / T)
     np.testing.assert_allclose(once(effect, step, dt, 0.05), np.diff(total) / dt, atol=1e-12)
     np.testing.assert_allclose(once(effect, np.ones(100), dt, 0.05), 1.0)  # held before the run
+
+
+@pytest.mark.parametrize("delay", [0.0117, 0.0124, 0.013])
+@pytest.mark.parametrize(("integrator", "step"), [("RK4", 0.0025), ("RK4", 0.005), ("Euler", 0.0025)])
+def test_the_file_delays_a_held_control_as_long_as_the_law(integrator: str, step: float, delay: float) -> None:
+    """Against the law in steps of 0.05 ms, by how much later a mass moves: within an eighth of a time step.
+
+    Euler's steps put a control half of one early, with a delay or without.
+    """
+    text = """<mujoco><option timestep="{}" integrator="{}" gravity="0 0 0"/><worldbody><body>
+    <joint name="x" type="slide"/><inertial pos="0 0 0" mass="1" diaginertia="1 1 1"/></body></worldbody>
+    <actuator><motor name="drive" joint="x"/></actuator></mujoco>"""
+    spec = mujoco.MjSpec.from_string(text.format(step, integrator))
+    place = Place("actuator:drive", 0)
+    assert ActuatorDelay.at(place, spec.compile()).write(spec, np.array([delay]))
+
+    def positions(model: mujoco.MjModel, steps: int, control: np.ndarray) -> np.ndarray:
+        data, out = mujoco.MjData(model), []
+        for row in control:
+            out.append(data.qpos[0])
+            for u in np.broadcast_to(row, steps):
+                data.ctrl[:] = u
+                mujoco.mj_step(model, data)
+        return np.array(out)
+
+    row, fine = 0.01, 200
+    held = np.concatenate([np.zeros(4), np.random.default_rng(0).normal(size=200)])
+    when = (np.arange(len(held) * fine) + 0.5) * row / fine - delay
+    late = held[np.maximum(np.floor(when / row).astype(int), 0)].reshape(-1, fine)
+    exact = positions(mujoco.MjModel.from_xml_string(text.format(row / fine, "RK4")), fine, late)
+    found = positions(spec.compile(), round(row / step), held)
+    later = -np.linalg.lstsq(np.gradient(exact, row)[:, None], found - exact, rcond=None)[0][0]
+    assert later == pytest.approx(-0.5 * step * (integrator == "Euler"), abs=step / 8)
 
 
 def test_a_delay_shifts_and_keeps_the_impulse(bench: Any) -> None:

@@ -237,12 +237,18 @@ class ActuatorDelay(ActuatorEffect):
         return control
 
     def write(self, spec: mujoco.MjSpec, values: Array) -> bool:
-        """Writes ``delay``, enough ``nsample`` for it, and linear ``interp``: the mean of what arrives in a step."""
-        actuator, delay = self.actuator(spec), float(values[0])
-        if actuator.nsample or delay < spec.option.timestep:  # MuJoCo's least delay is a step
+        """Writes ``delay``, enough ``nsample`` for it, and linear ``interp``: the mean of what arrives in a step.
+
+        Between two samples MuJoCo's line rises before the later one, where a control is held until it. At the beginning
+        of a step that makes the mean over it; Runge-Kutta looks ahead within it too, and wants half a step more.
+        """
+        actuator, step = self.actuator(spec), spec.option.timestep
+        stages = spec.option.integrator == mujoco.mjtIntegrator.mjINT_RK4
+        delay = float(values[0]) + 0.5 * step * stages
+        if actuator.nsample or delay < step:  # MuJoCo's least delay is a step
             return False
         actuator.delay, actuator.interp = delay, 1
-        actuator.nsample = int(np.ceil(delay / spec.option.timestep)) + 2
+        actuator.nsample = int(np.ceil(delay / step)) + 2
         return True
 
 
