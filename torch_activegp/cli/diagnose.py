@@ -113,11 +113,11 @@ def diagnose(
             checkpoint.clear()
     if checkpoint.resumed is not None:
         _say(f"Went on from an interrupted call, after {checkpoint.resumed}.", to=console)
-    for note in found.get("notes") or ():
-        if note not in told.notes:
-            _say(note, to=console)
     _say(diagnosis.sentence)
     _show(found)
+    later = [note for note in found.get("notes") or () if note not in told.notes]
+    for note in [*later, *([mistake] if mistake else [])]:
+        _say(note, to=console)
     names = sorted({path.name for pattern in _RESULTS for path in folder.glob(pattern)})
     _say(f"Done in {show_time(time.perf_counter() - began)}. {folder} holds {', '.join(names)}.")
     _say(f"See {folder / 'report.html'}.")

@@ -189,7 +189,7 @@ def _report(
         "laws": laws(machine.channels, left, chosen, judgement.named) if named else [],
         "traces": traces,
     }
-    words = sentence(judgement.verdict, named, details)
+    words = sentence(judgement.verdict, named, details, machine.doubts)
     files |= saved_files({"corrected.pt": corrected, "learned.pt": learned}, details["notes"])
     return Diagnosis(judgement.verdict, words, named, details, evidence, files, corrected, learned, verdict.stability)
 

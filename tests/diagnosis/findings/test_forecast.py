@@ -8,7 +8,7 @@ import pytest
 
 from torch_activegp.data import Recording
 from torch_activegp.diagnosis.findings import forecast
-from torch_activegp.diagnosis.findings.forecast import SEEN, STEP, compare, free_run, one_step
+from torch_activegp.diagnosis.findings.forecast import PAD, SEEN, STEP, compare, free_run, one_step
 from torch_activegp.diagnosis.inputs.machine import make_machine
 from torch_activegp.diagnosis.inputs.segments import cut
 from torch_activegp.diagnosis.noise.model import NoiseModel
@@ -75,8 +75,9 @@ def test_compare_gives_errors_in_units_of_the_motion_and_the_traces_behind_them(
     assert entry["channel"] == trace["channel"] == "qpos.hip"
     assert trace["unit"] == "rad"
     spread = run.position.std()
+    scored = slice(round(PAD / np.median(run.dt)), None)
     for name in models:
-        far = np.sqrt(np.mean((np.array(trace[name]) - trace["measured"]) ** 2)) / spread
+        far = np.sqrt(np.mean((np.array(trace[name]) - trace["measured"])[scored] ** 2)) / spread
         assert overall["free_run"][name] == pytest.approx(far, rel=1e-3)
     assert overall["free_run"]["noise"] == pytest.approx(bench.noise / spread)
     assert overall["free_run"]["after"] < 0.2 * overall["free_run"]["before"]
@@ -88,6 +89,18 @@ def test_a_model_that_fails_gets_a_huge_error_instead_of_nan(bench) -> None:
     wild = Candidate((bench.effect("linear_spring"),), (np.array([-1e9]),))
     overall, _ = compare({"before": (bench.engine, wild)}, bench.machine.holdout, ["hip"], bench.shooting.noise)
     assert overall["free_run"]["before"] == overall["runs"][0]["free_run"]["before"] == 1e9
+
+
+def test_what_the_first_rows_remember_of_the_time_before_does_not_count(bench, truth) -> None:
+    """An encoder that was late when the recording began, for instance, as in the fits."""
+    run = bench.machine.holdout[0]
+    first = np.arange(len(run)) < round(PAD / np.median(run.dt))
+    late = dataclasses.replace(run, position=run.position + 0.3 * first[:, None])
+    one, other = (
+        compare({"after": (bench.engine, truth)}, [some], ["hip"], bench.shooting.noise)[0] for some in (run, late)
+    )
+    spread = [some.position.std() for some in (run, late)]
+    assert other["free_run"]["after"] * spread[1] == pytest.approx(one["free_run"]["after"] * spread[0])
 
 
 @pytest.mark.parametrize("moves", [True, False])

@@ -56,7 +56,7 @@ def test_unknown_says_what_a_learned_force_gains() -> None:
 def test_named_effects_are_listed_with_what_they_explain_together() -> None:
     text = sentence("named", [named("a", 0.5), named("b", 0.2), named("c", 0.1)], ERROR)
     assert text == (
-        "The simulator leaves out a at joint:hip, b at joint:hip and c at joint:hip, explaining 80% of the "
+        "The simulator leaves out a at joint:hip (1), b at joint:hip (1) and c at joint:hip (1), explaining 80% of the "
         "mismatch; with it, the free-run error on held-out runs falls from 0.123 to 0.01 (noise 0.009)."
     )
 
@@ -105,6 +105,23 @@ def test_what_the_simulator_has_too_much_of_is_not_left_out() -> None:
     lighter = NamedEffect("payload_mass", "body:arm", "m", 0.3, 1.0, {}, too_much=True)
     text = sentence("named", [named("a", 0.5), lighter], ERROR)
     assert text.startswith(
-        "The simulator leaves out a at joint:hip and has too much payload_mass at body:arm, explaining 80% of"
+        "The simulator leaves out a at joint:hip (1) and has too much payload_mass at body:arm, explaining 80% of"
     )
     assert sentence("named", [lighter], ERROR).startswith("The simulator has too much payload_mass at body:arm, expl")
+
+
+@pytest.mark.parametrize(
+    ("units", "told"),
+    [(["N m"], "(0.313 N m)"), (["N", "1"], "(p0 0.313 N, p1 0.313)"), ([], ""), (["m"] * 4, ", ...)")],
+)
+def test_how_much_there_is_stands_in_the_sentence(units: list[str], told: str) -> None:
+    parameters = {f"p{i}": Estimate(0.31251, unit, (0.0, 1.0)) for i, unit in enumerate(units)}
+    effect = NamedEffect("drag", "joint:hip", "law", 0.9, 1.0, parameters)
+    text = sentence("named", [effect], ERROR).partition(", explaining")[0]
+    assert text.endswith(told) and text.startswith("The simulator leaves out drag at joint:hip")
+
+
+def test_unknown_says_what_to_doubt() -> None:
+    doubts = ("a: no control is recorded.", "b: in degrees?")
+    assert sentence("unknown", (), ERROR, doubts).endswith("it. Check the recordings first: a: no control is recorded.")
+    assert "Check" not in sentence("named", [named("a", 0.9)], ERROR, doubts)

@@ -1,5 +1,7 @@
 from __future__ import annotations
 
+import dataclasses
+
 import mujoco
 import numpy as np
 import pytest
@@ -130,3 +132,19 @@ def test_a_glitch_is_noted_with_its_recording(model, record) -> None:
     machine = make_machine(model, [run.replace({"qpos.hip": position})], [record(name="b")])
     (note,) = machine.notes
     assert note.startswith("a: a row left out, at 0.5 s: qpos.hip is far")
+
+
+def test_what_is_true_of_all_is_noted_once(model, record) -> None:
+    runs = [record(name=name, ctrl__drive=None) for name in "abc"]
+    machine = make_machine(model, runs, runs[:1])
+    (note,) = machine.notes
+    assert note.startswith("all recordings: no control is recorded (ctrl.drive)")
+    assert [doubt[:37] for doubt in machine.doubts] == ["all recordings: no control is recorde"]
+    some = make_machine(model, [*runs[:2], record(name="d")], [record(name="e")])
+    assert [note[:31] for note in some.notes] == ["a, b: no control is recorded (c"]
+    assert make_machine(model, [record()], [record()]).doubts == ()
+
+
+def test_what_was_decided_about_a_file_is_noted_once(model, record, tmp_path) -> None:
+    parts = [dataclasses.replace(record(name=f"f (run {i})"), source=tmp_path / "f", notes=("Gap.",)) for i in (1, 2)]
+    assert make_machine(model, parts, [record()]).notes == ("f (run 1): Gap.",)

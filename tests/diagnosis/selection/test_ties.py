@@ -3,8 +3,9 @@ from __future__ import annotations
 import dataclasses
 
 import numpy as np
+import pytest
 
-from torch_activegp.diagnosis.selection.ties import as_one, as_two, ties_of
+from torch_activegp.diagnosis.selection.ties import as_one, as_two, is_as_late, is_one_way, ties_of
 
 
 def test_a_friction_of_two_levels_may_be_one_level_and_a_push(bench) -> None:
@@ -58,3 +59,29 @@ def test_all_that_stands_for_a_name_is_listed_once(bench) -> None:
     assert ties_of(rivals, dry, dry.effects[0], (wet,), (wet,)) == (two_sided.effects[0].key,)
     far = [(dry, 0.0, 1.0), (two_sided, 7.0, 0.0)]
     assert ties_of(far, dry, dry.effects[0], (), ()) == ()
+
+
+@pytest.mark.parametrize("way", ["one", "two controls", "a force"])
+def test_a_delay_is_one_law_at_either_end_of_a_machine_with_one_way_through_it(bench, way: str) -> None:
+    """However they score: their fits differ by time steps alone. But not where another input comes when it comes."""
+    drive, encoder = bench.effect("actuator_delay", "actuator:drive"), bench.effect("sensor_delay", "sensor:hip")
+    wet, bias = bench.effect("viscous_friction"), bench.effect("sensor_bias", "sensor:hip")
+    values = np.array([0.008]), np.array([0.05])
+    one = dataclasses.replace(bench.nominal, effects=(encoder, wet), values=values)
+    other = dataclasses.replace(one, effects=(drive, wet), chi2=1.01 * one.chi2)
+    runs = [
+        dataclasses.replace(
+            run,
+            control=np.hstack([run.control] * 2) if way == "two controls" else run.control,
+            force=run.force + (way == "a force"),
+        )
+        for run in bench.segments.runs
+    ]
+    shooting = dataclasses.replace(bench.shooting, segments=dataclasses.replace(bench.segments, runs=tuple(runs)))
+    assert is_one_way(shooting) == (way == "one")
+    rivals = [(one, 0.0, 1.0), (other, 9.0, 0.0)]
+    assert ties_of(rivals, one, encoder, (), (), is_one_way(shooting)) == ((drive.key,) if way == "one" else ())
+    assert ties_of(rivals, one, wet, (), (), True) == ()
+    assert is_as_late(one, other) and is_as_late(other, one)
+    assert not is_as_late(one, dataclasses.replace(other, effects=(bias, wet)))
+    assert not is_as_late(one, dataclasses.replace(other, chi2=1.1 * one.chi2))

@@ -25,7 +25,8 @@ SEEN = 0.4
 step from: their velocities make errors several times the noise, behind which no correction shows."""
 _SEEN_ROWS = 6
 _EVERY = 0.5
-_PAD = 0.1
+PAD = 0.1
+"""At the beginning of each run it is simulated and counts for nothing, s: what a delay remembers is not recorded."""
 _FIRST = 1.0
 _ROUNDS = 5
 _ROUGHLY = (0.005, 0.00125)
@@ -69,7 +70,7 @@ def _windows(runs: Sequence[Run]) -> tuple[Segments, NDArray[np.int64]]:
     for number, run in enumerate(runs):
         rows, step = len(run) - 1, float(np.median(run.dt))
         ahead = min(max(round(STEP / step), 1), rows)
-        pad = min(math.ceil(_PAD / step), (rows - ahead) // 2)
+        pad = min(math.ceil(PAD / step), (rows - ahead) // 2)
         seen = min(max(round(SEEN / step), _SEEN_ROWS), rows - ahead - pad)
         last = pad + seen + ahead
         for first in range(0, rows - last + 1, max(round(_EVERY / step), 1)):
@@ -90,7 +91,7 @@ def free_run(
     Returns:
         For each candidate and each run, positions ``(K + 1, C)``, rad or m, and the initial state, ``(nq + nv,)``.
     """
-    whole = cut(runs, 1e9, 0.0)
+    whole = cut(runs, 1e9, PAD)
     begin = _Beginnings(engine, noise, candidates, median_step(runs))
     starts, chi2 = _followed(begin, runs, [_FIRST])
     lost = np.flatnonzero((chi2 > _LOST * whole.samples).any(axis=1))
@@ -171,12 +172,12 @@ def _followed(begin: _Beginnings, runs: Sequence[Run], lengths: Sequence[float])
         runs: S whole runs.
         lengths: of the beginnings to which states are fitted first, s, in turn.
     """
-    whole = cut(runs, 1e9, 0.0)
+    whole = cut(runs, 1e9, PAD)
     shooting = Shooting(begin.engine, whole, begin.noise)
     starts = begin.engine.starts(whole)
     starts = np.broadcast_to(starts, (len(begin.candidates), *starts.shape))
     for length in lengths:
-        pieces = cut(runs, length, 0.0)
+        pieces = cut(runs, length, PAD)
         heads = pieces.pick(np.flatnonzero(pieces.first == 0))
         starts = _better(shooting, begin.candidates, begin.fit(heads, starts), starts)
     ended = begin.fit(whole, starts)
@@ -225,15 +226,17 @@ def compare(
         steps = dict(zip(different, one_step(engine, [*different.values()], runs, noise), strict=True))
         free |= {name: paths[id(candidate)] for name, candidate in some.items()}
         ahead |= {name: steps[id(candidate)] for name, candidate in some.items()}
+    begins = cut(runs, 1e9, PAD).scored[:, 0]
     for number, run in enumerate(runs):
         spread = run.position[run.counted].std(axis=0)
+        scored = run.counted & (np.arange(len(run)) >= begins[number])
         still = spread < _STILL * noise.scale
         spread = np.where(still, noise.scale, spread)
         frees = {name: some[number] for name, some in free.items()}
         for c, joint in enumerate(joints):
             entry: dict[str, Any] = {"run": run.label, "channel": f"qpos.{joint}", "one_step": {}, "free_run": {}}
             for name in models:
-                far = run.position[run.counted, c] - frees[name][0][run.counted, c]
+                far = run.position[scored, c] - frees[name][0][scored, c]
                 entry["one_step"][name] = _rms(ahead[name][number][:, c] / spread[c])
                 entry["free_run"][name] = _rms(far / spread[c])
             for kind in ("one_step", "free_run"):

@@ -87,4 +87,4 @@ def _how(explanation: Explanation) -> str:
     """Integrator and time step, as they go into the corrected model."""
     engine = explanation.engine.without_leapfrog()
     step = median_step(explanation.shooting.segments.runs) / engine.substeps
-    return f"by {_SCHEMES[int(engine.model.opt.integrator)]} in steps of {step:.2g} s"
+    return f"by {_SCHEMES[int(engine.model.opt.integrator)]} in steps of {step:.3g} s"

@@ -12,6 +12,7 @@ from torch_activegp.diagnosis.inputs.runs import Array, Run
 from torch_activegp.diagnosis.selection.explain import Explanation
 from torch_activegp.diagnosis.selection.intervals import covariance
 from torch_activegp.diagnosis.selection.judge import Judgement
+from torch_activegp.diagnosis.selection.ties import is_as_late, is_one_way
 from torch_activegp.diagnosis.shooting.fit import Fit, bounds, split
 
 _RIVALS = 3
@@ -47,7 +48,8 @@ def propose(
     certain = judgement.verdict in ("named", "tie")
     best = judgement.rivals[0][0]
     others = [fit for fit, distance, _ in judgement.rivals[1 : _RIVALS + 1] if not certain or distance < _OPEN]
-    for rival in others:
+    one_way = is_one_way(shooting)
+    for rival in (fit for fit in others if not (one_way and is_as_late(best, fit))):
         found = next_experiment(engine, [best, rival], runs, shooting.noise, seed, shooting.differences)
         if found is not None:
             return found

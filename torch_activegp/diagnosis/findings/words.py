@@ -9,17 +9,22 @@ from torch_activegp.diagnosis.result import NamedEffect
 
 _MOST = 0.5
 """Part of the mismatch that the closest set may leave and be told."""
+_TOLD = 3
+"""So many parameters of an effect are in the sentence."""
 _MUCH_LEFT = 2.0
 """Chi2 per degree of freedom from which on the names are said not to be all."""
 
 
-def sentence(verdict: str, effects: Sequence[NamedEffect], details: Mapping[str, Any]) -> str:
-    """One sentence that says what was found.
+def sentence(
+    verdict: str, effects: Sequence[NamedEffect], details: Mapping[str, Any], doubts: Sequence[str] = ()
+) -> str:
+    """One sentence that says what was found; where nothing was, one more that says what to doubt first.
 
     Args:
         verdict: ``none``, ``named``, ``tie`` or ``unknown``.
         effects: the named effects.
         details: the other entries of ``diagnosis.json``.
+        doubts: what seems wrong with the recordings, in sentences.
     """
     if verdict == "none":
         return "The simulator and the recordings differ by noise alone."
@@ -28,16 +33,14 @@ def sentence(verdict: str, effects: Sequence[NamedEffect], details: Mapping[str,
         where = f", most of it at {places[0]}" if places else ""
         return (
             f"The simulator and the recordings differ{where}, and no effect on the list explains it"
-            f"{_closest(details)}{_learned(details)}."
+            f"{_closest(details)}{_learned(details)}.{_doubted(doubts)}"
         )
     share = sum(effect.share for effect in effects)
     parts = [
         ("leaves out", [e for e in effects if not e.too_much]),
         ("has too much", [e for e in effects if e.too_much]),
     ]
-    wrong = " and ".join(
-        f"{verb} {_joined([f'{effect.name} at {effect.target}' for effect in some])}" for verb, some in parts if some
-    )
+    wrong = " and ".join(f"{verb} {_joined([_with_values(effect) for effect in some])}" for verb, some in parts if some)
     error = details["fit"]["holdout"]["free_run"]
     before, after = (f"{error[key]:.3g}" for key in ("before", "after"))
     moves = f"{'falls' if error['after'] <= error['before'] else 'rises'} from {before} to {after}"
@@ -50,6 +53,17 @@ def sentence(verdict: str, effects: Sequence[NamedEffect], details: Mapping[str,
     return f"{text}{_rest(details)}."
 
 
+def _with_values(effect: NamedEffect) -> str:
+    """An effect, where it is, and how much of it."""
+    values = [(name, f"{one.value:.3g} {one.unit}".removesuffix(" 1")) for name, one in effect.parameters.items()]
+    told = [value if len(values) == 1 else f"{name} {value}" for name, value in values[:_TOLD]]
+    return f"{effect.name} at {effect.target}{f' ({_listed(told, len(values))})' if told else ''}"
+
+
+def _listed(told: Sequence[str], count: int) -> str:
+    return ", ".join([*told, *(["..."] if count > len(told) else [])])
+
+
 def _closest(details: Mapping[str, Any]) -> str:
     """What came closest, and what it leaves, where that is the smaller part."""
     best = next(iter(details.get("rivals", ())), None)
@@ -59,6 +73,10 @@ def _closest(details: Mapping[str, Any]) -> str:
     return (
         f": {names} leave{'s' * (len(best['effects']) == 1)} {best['chi2_per_dof']:.3g} times the noise (chi2 per dof)"
     )
+
+
+def _doubted(doubts: Sequence[str]) -> str:
+    return f" Check the recordings first: {doubts[0]}" if doubts else ""
 
 
 def _learned(details: Mapping[str, Any]) -> str:

@@ -35,6 +35,7 @@ class Machine:
         fit: runs for fitting and selection.
         holdout: runs that are only forecast.
         notes: what was decided about the recordings.
+        doubts: those of them by which a column is missing, or may be in another unit or have another sign.
         box: the simulator that the model stands for, where that is not MuJoCo.
     """
 
@@ -44,6 +45,7 @@ class Machine:
     holdout: tuple[Run, ...]
     notes: tuple[str, ...]
     box: BlackBox | None = None
+    doubts: tuple[str, ...] = ()
 
 
 def check_given(recordings: Recording | Sequence[Recording], asked: str) -> list[Recording]:
@@ -87,7 +89,9 @@ def make_machine(
         raise DataError("no recording to fit. Give at least one run of the machine.")
     channels = Channels.of(model, [*recordings, *holdout])
     (fit, kept), notes = lay_over(model, channels, (recordings, holdout), box)
-    notes += box.notes() if box is not None else _doubts(model, channels, fit, kept)
+    doubts = [] if box is not None else _doubts(model, channels, fit, kept)
+    notes += doubts if box is None else box.notes()
+    doubts += undriven(model, recordings)
     if not kept:
         fit, kept, note = _set_aside(fit)
         notes.append(note)
@@ -97,7 +101,7 @@ def make_machine(
             f"Only {seconds:.3g} s are fitted: what is missing shows there only if it is gross. Record several seconds "
             "in which every joint moves to and fro."
         )
-    return Machine(model, channels, tuple(fit), tuple(kept), tuple(dict.fromkeys(notes)), box)
+    return Machine(model, channels, tuple(fit), tuple(kept), tuple(dict.fromkeys(notes)), box, tuple(doubts))
 
 
 def lay_over(
@@ -153,23 +157,34 @@ def _doubts(model: mujoco.MjModel, channels: Channels, fit: Sequence[Run], kept:
 
 def recording_notes(model: mujoco.MjModel, recordings: Sequence[Recording]) -> list[str]:
     """What was read from each recording and what it lacks, in sentences."""
-    notes = []
+    notes: list[str] = []
+    told: set[tuple[Path | None, str]] = set()
     for recording in recordings:
-        notes += [f"{recording.label}: {note}" for note in recording.notes]
+        own = [note for note in recording.notes if recording.source is None or (recording.source, note) not in told]
+        notes += [f"{recording.label}: {note}" for note in own]  # once for all runs of a file
+        told |= {(recording.source, note) for note in own}
         missing = [f"ctrl.{name}" for name in input_addresses(model) if name not in recording.actuators]
-        if missing and not recording.actuators:
-            notes.append(
-                f"{recording.label}: no control is recorded ({', '.join(missing)}); taken as 0. If the machine was "
-                "driven, nothing can explain its motion so: record them."
-            )
-        elif missing:
+        if missing and recording.actuators:
             notes.append(f"{recording.label}: no {', '.join(missing)}; taken as 0.")
         unseen = [joint for joint in recording.joints if f"qpos.{joint}" not in recording]
         notes += [
             f"{recording.label}: qvel.{joint} without qpos.{joint}; {joint} counts as not measured. Record it."
             for joint in unseen
         ]
-    return notes
+    return [*notes, *undriven(model, recordings)]
+
+
+def undriven(model: mujoco.MjModel, recordings: Sequence[Recording]) -> list[str]:
+    """A note on the recordings without any control, if there are some and the model has actuators."""
+    names, inputs = [recording.label for recording in recordings if not recording.actuators], input_addresses(model)
+    if not names or not inputs:
+        return []
+    whose = ", ".join(names) if len(names) < len(recordings) or len(names) == 1 else "all recordings"
+    missing = ", ".join(f"ctrl.{name}" for name in inputs)
+    return [
+        f"{whose}: no control is recorded ({missing}); taken as 0. If the machine was driven, nothing can explain its "
+        "motion so: record them."
+    ]
 
 
 def _prescribed(joints: Channels) -> str:

@@ -76,8 +76,8 @@ Tell = Callable[[str], None]
 class _Start:
     """What naming on all data begins from: numerics, likelihood, fits of the nominal and of a set, more sets.
 
-    And the noise by which the numerics were chosen, which may be an earlier one than the likelihood's; and how deep to
-    search.
+    And the noise by which the numerics were chosen, which may be an earlier one than the likelihood's; and whether what
+    is missing is hardly on the list.
     """
 
     engine: Engine
@@ -87,7 +87,12 @@ class _Start:
     first: Fit
     free: frozenset[tuple[str, str]]
     noise: NoiseModel
-    depth: Depth = _WHOLE
+    in_vain: bool = False
+
+    @property
+    def depth(self) -> Depth:
+        """How deep to search."""
+        return _IN_VAIN if self.in_vain else _WHOLE
 
 
 def explain(
@@ -179,8 +184,7 @@ def _start(
             used, nominal = fewer.segments, fewer.nominal
         if longer or (naming.best != frozenset(judged.effects) and not lost):
             engine, shooting, nominal, judged = numerics.choose(used, noise, nominal, nominal, [] if lost else sets)
-    depth = _IN_VAIN if naming.in_vain else _WHOLE
-    return _Start(engine, shooting, nominal, besides(sets, judged), judged, naming.free, noise, depth)
+    return _Start(engine, shooting, nominal, besides(sets, judged), judged, naming.free, noise, naming.in_vain)
 
 
 def _with_noise(
@@ -209,13 +213,13 @@ def _with_noise(
         shooting = dataclasses.replace(start.shooting, noise=noise)
         bare = shooting.fit([((), ())], nominal.starts, CREEPS, near=nominal)[0]
         judged = shooting.fit(sets[:1], near.starts, near=near)[0]
-        return _Start(start.engine, shooting, bare, besides(sets, judged), judged, free, start.noise, start.depth)
+        return _Start(start.engine, shooting, bare, besides(sets, judged), judged, free, start.noise, start.in_vain)
     if far:
         longer = longest(machine, numerics, noise, _TOO_FAR)
         segments, nominal = longer.segments, longer.nominal
         near = nominal
     engine, shooting, nominal, judged = numerics.choose(segments, noise, near, nominal, sets)
-    return _Start(engine, shooting, nominal, besides(sets, judged), judged, free, noise, start.depth)
+    return _Start(engine, shooting, nominal, besides(sets, judged), judged, free, noise, start.in_vain)
 
 
 def _finish(

@@ -4,13 +4,19 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
+import numpy as np
+
 from torch_activegp.diagnosis.selection.merging import TWO_SIDED, push
 from torch_activegp.diagnosis.shooting.fit import Fit
+from torch_activegp.diagnosis.shooting.likelihood import Shooting
 from torch_activegp.diagnosis.shooting.score import TIE
 from torch_activegp.physics.effect import Effect
 
 _LOPSIDED = 0.1
 """A constant push is a difference between the directions of a dry friction from so much of that friction up."""
+_DELAYS = frozenset({"actuator_delay", "sensor_delay"})
+_SHIFTED = 0.02
+"""Part of chi2 by which two delays that are one law may differ: by 0.006 where one of 8 ms was taken in steps of 5."""
 ALIKE = 0.002
 """Two names that say the same as one leave no more by this part, what fits are short of; less is no objection."""
 
@@ -19,7 +25,12 @@ Rivals = Sequence[tuple[Fit, float, float]]
 
 
 def ties_of(
-    rivals: Rivals, best: Fit, effect: Effect, retuned: Sequence[Effect], tuned: Sequence[Effect]
+    rivals: Rivals,
+    best: Fit,
+    effect: Effect,
+    retuned: Sequence[Effect],
+    tuned: Sequence[Effect],
+    one_way: bool = False,
 ) -> tuple[tuple[str, str], ...]:
     """All (name, target) pairs that stand for a named effect as well.
 
@@ -29,9 +40,11 @@ def ties_of(
         effect: of it.
         retuned: effects of it that are not named.
         tuned: those of them that only undo a tuning.
+        one_way: whether one control goes in, and one position comes out.
     """
     alone, one = swapped(rivals, best, effect), as_one(rivals, best, effect, retuned, tuned)
-    return tuple(dict.fromkeys([*alone, *as_two(rivals, best, effect), *one]))
+    late = as_late(rivals, best, effect) if one_way else ()
+    return tuple(dict.fromkeys([*alone, *late, *as_two(rivals, best, effect), *one]))
 
 
 def swapped(rivals: Rivals, best: Fit, effect: Effect) -> tuple[tuple[str, str], ...]:
@@ -43,6 +56,35 @@ def swapped(rivals: Rivals, best: Fit, effect: Effect) -> tuple[tuple[str, str],
         if distance < TIE and others <= fit.keys and len(new) == 1 and effect.key not in fit.keys:
             found.append(next(iter(new)))
     return tuple(found)
+
+
+def is_one_way(shooting: Shooting) -> bool:
+    """Whether one control goes in, and one position comes out: no other was used or recorded, nor a force known."""
+    channels, runs = shooting.engine.channels, shooting.segments.runs
+    used = np.any([run.control.any(axis=0) for run in runs], axis=0).sum()
+    alone = len(channels.joints) == 1 and channels.prescribed is None
+    return bool(alone and used == 1 and not any(run.force.any() for run in runs))
+
+
+def as_late(rivals: Rivals, best: Fit, effect: Effect) -> tuple[tuple[str, str], ...]:
+    """The delay at the other end of a machine with one control and one position: there both are one law.
+
+    Whatever moves by a control that comes late moves as late, and free initial states know no clock. Their fits differ
+    by how a delay that is no whole number of time steps is simulated.
+    """
+    others = best.keys - {effect.key}
+    found = []
+    for fit, _, _ in rivals[1:] if effect.name in _DELAYS else ():
+        new = fit.keys - others
+        other = next(iter(new)) if len(new) == 1 else effect.key
+        if others <= fit.keys and other[0] in _DELAYS - {effect.name} and fit.chi2 - best.chi2 < _SHIFTED * best.chi2:
+            found.append(other)
+    return tuple(found)
+
+
+def is_as_late(best: Fit, fit: Fit) -> bool:
+    """Whether two sets of a machine with one control and one position differ by where a delay is: in nothing."""
+    return any(as_late([(best, 0.0, 0.5), (fit, 0.0, 0.5)], best, effect) for effect in best.effects)
 
 
 def as_two(rivals: Rivals, best: Fit, effect: Effect) -> tuple[tuple[str, str], ...]:
