@@ -180,3 +180,18 @@ def test_what_gains_as_much_begins_with_the_rest_as_it_is_beside_the_effect_too(
     assert [set(some) for some in sets] == [{wet, bias}, {wet, bias}]
     assert [some[wet][0] for some in sets] == [rest.values[0][0], 0.03]
     assert sets[0][bias][0] == sets[1][bias][0]
+
+
+def test_rivals_are_sought_as_long_as_may_be(bench, monkeypatch) -> None:
+    found = Selection(bench.nominal, [bench.nominal], Score(bench.shooting.samples, 10, 1.0))
+    found.add([bench.fit("viscous_friction", 0.05)])
+    ends: list[float] = []
+    monkeypatch.setattr(
+        "torch_activegp.diagnosis.selection.stand_ins.without_each",
+        lambda selection, *a: ends.append(a[-1]) or [(selection.best.effects[0], bench.nominal)],
+    )
+    monkeypatch.setattr(
+        "torch_activegp.diagnosis.selection.stand_ins.compare", lambda *_, **how: ends.append(how["race"])
+    )
+    swap(found, bench.shooting, [bench.effect("quadratic_drag"), bench.effect("viscous_friction")], 7e6)
+    assert ends == [7e6, 7e6]

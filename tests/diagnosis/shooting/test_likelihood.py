@@ -305,3 +305,14 @@ def test_a_race_ends_where_it_is_once_so_much_is_computed(bench, monkeypatch) ->
         counts.append(len(rounds))
         assert fit.information.any()  # it ends whole, with its derivatives
     assert counts[0] == counts[1] > counts[2] == SETTLE + 4
+
+
+def test_fits_end_where_so_much_is_computed_in_all(bench, monkeypatch) -> None:
+    """After a few rounds in any case: a first guess alone is no fit."""
+    asked = count_simulations(monkeypatch)
+    sets = [((bench.effect("coulomb_friction"),), (np.array([0.3]),))]
+    bench.shooting.fit(sets, bench.nominal.starts)
+    whole = len(asked)
+    asked.clear()
+    bench.shooting.fit(sets, bench.nominal.starts, work=bench.shooting.work)
+    assert 3 < len(asked) < whole

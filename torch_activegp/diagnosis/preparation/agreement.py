@@ -44,20 +44,24 @@ class Rival:
     Args:
         engine: the form.
         exact: what it predicts there, ``(S, K + 1, C)``.
-        left: chi2 that no change of the initial states and parameters takes away, to first order.
+        left: chi2 that no change of the initial states takes away, to first order.
+        least: chi2 that none of the parameters does either.
     """
 
     engine: Engine
     exact: Array
     left: float
+    least: float
 
     @classmethod
     def at(cls, shooting: Shooting, engine: Engine, rough: Fit) -> Self:
         """A form at a fit."""
         assert rough.design is not None
         exact = dataclasses.replace(shooting, engine=engine).predicted(rough)
-        left = _unexplained(rough, shooting.residuals(exact))
-        return cls(engine, exact, left if np.isfinite(left) else np.inf)
+        white = shooting.residuals(exact)
+        both = float((_beside(rough.design, white) ** 2).sum()), _unexplained(rough, white)
+        left, least = (chi2 if np.isfinite(chi2) else np.inf for chi2 in both)
+        return cls(engine, exact, left, least)
 
 
 def distinct(rivals: Sequence[Rival], shooting: Shooting, rough: Fit) -> list[Rival]:

@@ -16,6 +16,7 @@ from torch_activegp.diagnosis.preparation.telling import CREEPS, enough, telling
 from torch_activegp.diagnosis.shooting.fit import Fit
 from torch_activegp.diagnosis.shooting.likelihood import Shooting
 from torch_activegp.diagnosis.shooting.score import NOISE_ALONE
+from torch_activegp.diagnosis.simulation.calm import is_abrupt
 from torch_activegp.diagnosis.simulation.engine import Engine
 from torch_activegp.diagnosis.simulation.forms import Forms
 from torch_activegp.physics.effect import Effect
@@ -33,7 +34,10 @@ _NEAR, _LOST = 2.0, 4.0
 """Where a form leaves less than so many times the noise, others that leave so many times as much are given up."""
 _BEHIND, _FAR_BEHIND, _BARE_BEHIND = 0.02, 50.0, 10.0
 """Where one leaves noise alone, others are not fitted that cost more to first order: by a part of its cost and so much
-chi2, for parameters may move far; by so much where initial states alone are fitted. Not where something touches."""
+chi2 (parameters may move far, and the model's own form comes before others), or by so much where initial states alone
+are fitted. Not where something touches or sticks."""
+_ABOUT = 1.2
+"""Where the fine form leaves at most so many times what the closest one does before they are fitted, it comes first."""
 _GLANCE, _NO_FARTHER = 6, 1.1
 """Segments on which the model's own integrator is tried in steps of several lengths, and how much more than the other
 forms the best may leave there to be fitted; where something touches, any form than the best one in brief pieces."""
@@ -153,10 +157,14 @@ class Numerics(Forms):
         results: list[tuple[float, Engine, Shooting, Fit]] = []
         share, least = first.dof / dof, np.inf
         rivals = sorted(self._rivals(competing, first, rough), key=lambda one: self._dear(one.engine, first, known))
-        for rival in sorted(distinct(rivals, first, rough), key=lambda rival: rival.left):
+        smooth = not self.stiff and not any(is_abrupt(e) or e.name == "joint_stop" for e in rough.effects)
+        rivals = distinct(rivals, first, rough) if smooth else rivals  # what strikes ends elsewhere by forms alike
+        close = _ABOUT * min(rival.left for rival in rivals)
+        for rival in sorted(rivals, key=lambda one: (one.engine is not self.fine or one.left > close, one.left)):
             lost = _LOST * least if least < _NEAR * first.dof else np.inf
-            expected = self._cost(rival.engine, rough, rival.left / share, dof)
-            if least < NOISE_ALONE * first.dof and not self.stiff and expected > _too_far(results, rough):
+            expected = self._cost(rival.engine, rough, rival.least / share, dof)
+            much = rival.engine is self.given or bool(rough.effects)
+            if least < NOISE_ALONE * first.dof and smooth and expected > _too_far(results, much):
                 continue
             working, judged = self._working(rival, first, rough, lost)
             if judged.chi2 > lost:
@@ -258,10 +266,10 @@ class Numerics(Forms):
         return [*sorted(cheap[:-1], key=far), cheap[-1]]
 
 
-def _too_far(results: Sequence[tuple[float, Engine, Shooting, Fit]], rough: Fit) -> float:
-    """The cost, as it is seen to first order, from which on a form is not fitted."""
+def _too_far(results: Sequence[tuple[float, Engine, Shooting, Fit]], much: bool) -> float:
+    """The cost, as it is seen to first order, from which on a form is not fitted; whether by much."""
     best = min(result[0] for result in results)
-    return best + (_BEHIND * best + _FAR_BEHIND if rough.effects else _BARE_BEHIND)
+    return best + (_BEHIND * best + _FAR_BEHIND if much else _BARE_BEHIND)
 
 
 def _just(working: Shooting, precise: Shooting, nominal: Fit, bare: Fit, judged: Fit) -> tuple[Shooting, Fit, Fit]:

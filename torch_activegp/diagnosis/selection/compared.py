@@ -222,15 +222,17 @@ def fitted(shooting: Shooting, selection: Selection, effects: Sequence[Effect], 
     return selection.parts[place]
 
 
-def without_each(selection: Selection, shooting: Shooting, named: Sequence[Effect]) -> list[tuple[Effect, Fit]]:
-    """The best set without each of some of its effects."""
+def without_each(
+    selection: Selection, shooting: Shooting, named: Sequence[Effect], work: float = np.inf
+) -> list[tuple[Effect, Fit]]:
+    """The best set without each of some of its effects; fits end where so much is computed in all."""
     best = selection.best
     rests = {effect: [e for e in best.effects if e is not effect] for effect in named}
     values = best.by_effect
     unknown = [rest for rest in rests.values() if selection.of(rest) is None]
     if unknown:
         sets = [(rest, [values[e] for e in rest]) for rest in unknown]
-        selection.add(shooting.fit(sets, best.starts, near=best, below=selection.nominal))
+        selection.add(shooting.fit(sets, best.starts, near=best, below=selection.nominal, work=work))
     smaller = []
     for effect, rest in rests.items():
         fit = selection.of(rest)

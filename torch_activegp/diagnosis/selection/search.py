@@ -25,6 +25,8 @@ SWAPS = 2
 _PATIENCE = 15e6
 """Cases that end right compute a few million time steps for a search, most of them below ten. What no effect on the
 list explains would compute ever more."""
+_MORE = 5e6
+"""And so many more for rivals in place of what was found."""
 _AS_WELL = 10.0
 """By so much, in units of what is left and with the price of its parameters, a tuning undone may be worse than a name
 that stands for it."""
@@ -122,7 +124,7 @@ def search(
     def step_by_step(least: int = 1) -> bool:
         return depth.stepwise and one_by_one(selection, shooting, expanded, develop, may_go_on, least)
 
-    resorts = _resorts(selection, shooting, effects, tell, depth.swaps, step_by_step)
+    resorts = _resorts(selection, shooting, effects, tell, depth, step_by_step)
     skipped: Seen = set()
     for _ in _rounds(selection, shooting, effects, depth):
         beam = _beam(selection, shooting, expanded, skipped)
@@ -175,30 +177,30 @@ def _resorts(
     shooting: Shooting,
     effects: Sequence[Effect],
     tell: Callable[[str], None],
-    swaps: int,
+    depth: Depth,
     step_by_step: Callable[[], bool],
 ) -> Iterator[bool]:
     """What is tried where no set is left to develop, one at a time."""
     if selection.score.inadequate and soften(selection, shooting, effects):
         yield True
-    yield from _swapped(selection, shooting, effects, tell, swaps)
+    yield from _swapped(selection, shooting, effects, tell, depth)
     if step_by_step():
         simplify(selection, shooting, effects)
         yield True
-        yield from _swapped(selection, shooting, effects, tell, swaps)
+        yield from _swapped(selection, shooting, effects, tell, depth)
 
 
 def _swapped(
-    selection: Selection, shooting: Shooting, effects: Sequence[Effect], tell: Callable[[str], None], swaps: int
+    selection: Selection, shooting: Shooting, effects: Sequence[Effect], tell: Callable[[str], None], depth: Depth
 ) -> Iterator[bool]:
     """Others in place of each effect of the best set, so often at most, as long as another set becomes the best."""
     swapped: frozenset[Effect] = frozenset()
-    for _ in range(swaps):
+    for _ in range(depth.swaps):
         if frozenset(selection.best.effects) == swapped or hopeless(selection, shooting):
             break
         swapped = frozenset(selection.best.effects)
         tell("testing what could stand in place of each effect")
-        swap(selection, shooting, effects)
+        swap(selection, shooting, effects, depth.work + _MORE)
         yield True
 
 

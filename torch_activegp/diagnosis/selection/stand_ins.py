@@ -34,12 +34,15 @@ _PROMISING = 0.2
 """Part of the chi2 that dry friction must gain to first order for its soft form to be tried."""
 
 
-def swap(selection: Selection, shooting: Shooting, effects: Sequence[Effect]) -> None:
-    """Tries other effects in place of each effect of the best set: rivals, and the way out of a false start."""
+def swap(selection: Selection, shooting: Shooting, effects: Sequence[Effect], work: float = np.inf) -> None:
+    """Tries other effects in place of each effect of the best set: rivals, and the way out of a false start.
+
+    Fits end where so many time steps are computed in all: where joints strike, those of three sets took 20 million.
+    """
     best = selection.best
     named = [effect for effect in best.effects if effect.key not in selection.score.free]
     lost = _lost_on_a_part(selection, shooting, named)
-    smaller = without_each(selection, shooting, [effect for effect in named if effect not in lost])
+    smaller = without_each(selection, shooting, [effect for effect in named if effect not in lost], work)
     if selection.best is not best or not (smaller or lost):  # another set comes first now
         return
     least_loss = min((fit.chi2 - best.chi2 for _, fit in smaller), default=np.inf)
@@ -52,9 +55,9 @@ def swap(selection: Selection, shooting: Shooting, effects: Sequence[Effect]) ->
         known |= {frozenset(some) for some, _ in new}
     part, which = _enough(shooting, least_loss)
     if sets and part.segments.size < shooting.segments.size:
-        sets, starts = near(part, which, sets, best, [CLOSE * selection.score.scale] * len(sets))
+        sets, starts = near(part, which, sets, best, [CLOSE * selection.score.scale] * len(sets), work)
     below = [selection.below(some) for some, _ in sets]
-    compare(shooting, selection, sets, best, race=np.inf, starts=starts, below=below)
+    compare(shooting, selection, sets, best, race=work, starts=starts, below=below)
 
 
 def _in_place(best: Fit, effect: Effect, part: Shooting, fit: Fit, effects: Sequence[Effect]) -> list[Set]:

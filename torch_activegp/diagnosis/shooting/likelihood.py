@@ -161,6 +161,7 @@ class Shooting:
         hold: bool = False,
         near: Fit | None = None,
         below: Fit | Sequence[Fit] | None = None,
+        work: float = np.inf,
     ) -> list[Fit]:
         """Fits several sets of effects side by side.
 
@@ -174,6 +175,7 @@ class Shooting:
             near: a fit near by, whose derivatives save work.
             below: a fit of what the sets have in common, or one for each set of what is in it: a first guess that is
                 worse than it misleads, and is left.
+            work: time steps of all that was computed by then, :attr:`work`, from which on all end.
         """
         smooth = None if near is None else self.engine.starts(self.segments)
         smaller = below if isinstance(below, Sequence) else [below] * len(sets)
@@ -186,7 +188,7 @@ class Shooting:
         for number in range(rounds + 1):
             if not running:
                 break
-            over = race is not None and number > SETTLE + 2 and self.work > race.work
+            over = number > SETTLE + 2 and self.work > (work if race is None else min(race.work, work))
             advance(self, running.values(), last=over or number == rounds)
             if race is not None:
                 race.give_up(list(running.values()), list(ended.values()), only_misled=number < SETTLE + 2)

@@ -52,7 +52,7 @@ class CalmEngine(Engine):
 
     def _simulate(self, segments: Segments, starts: Array, candidates: Sequence[Candidate]) -> Array:
         touched = self.touched(segments)
-        if touched.all() or any(_is_abrupt(effect) for candidate in candidates for effect in candidate.effects):
+        if touched.all() or any(is_abrupt(effect) for candidate in candidates for effect in candidate.effects):
             return super()._simulate(segments, starts, candidates)
         self._calm.filters, self._calm.work = self.filters, 0.0
         size = len(candidates), segments.size, segments.intervals + 1, self.state_size
@@ -91,5 +91,6 @@ class CalmEngine(Engine):
         return self._known[id(run)][1]
 
 
-def _is_abrupt(effect: Effect) -> bool:
+def is_abrupt(effect: Effect) -> bool:
+    """Whether an effect strikes or sticks, or wants short time steps for another reason."""
     return effect.needs_steps or effect.name in _DRY
