@@ -289,3 +289,4 @@ def test_behind_a_search_in_vain_little_more_is_searched(bench, monkeypatch, vai
     explain(bench.machine, some(bench), 1)
     assert depths
     assert all((depth.work < Depth().work) == vain for depth in depths)
+    assert all((depth.work + depth.more < Depth().work) == vain for depth in depths)

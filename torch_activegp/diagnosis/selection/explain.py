@@ -42,7 +42,7 @@ _LIKE = 1.5
 """Numerics are not chosen again for noise of the same colour that differs by less than this factor."""
 _ANEW = 3
 """How often noise is taken anew behind what all data say."""
-_WHOLE, _IN_VAIN = Depth(), Depth(swaps=0, work=3e6, stepwise=False)
+_WHOLE, _IN_VAIN = Depth(), Depth(swaps=0, work=3e6, stepwise=False, more=2e6)
 """The search on all data; and where a long one on a part left much more than noise: what is missing is hardly known."""
 _AGAIN = 3
 """How often numerics are looked at again behind new names."""

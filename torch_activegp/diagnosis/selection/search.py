@@ -42,12 +42,14 @@ class Depth(NamedTuple):
         swaps: how often others are tried in place of each effect.
         work: time steps to compute before no further set is developed.
         stepwise: whether names are tried one after another where several came together.
+        more: time steps on top, by which sets end that were begun before.
     """
 
     rounds: int = 2 * MAX_EFFECTS
     swaps: int = SWAPS
     work: float = _PATIENCE
     stepwise: bool = True
+    more: float = _PATIENCE
 
     def counted_from(self, work: float) -> Depth:
         """The same with its work on top of some that is done."""
@@ -116,7 +118,7 @@ def search(
     def develop(fit: Fit) -> None:
         expanded.add(frozenset(fit.effects))
         tell(f"testing what comes on top of {len(fit.effects)} effect{'s' * (len(fit.effects) != 1)}")
-        expand(selection, shooting, effects, fit, depth.work + _PATIENCE)
+        expand(selection, shooting, effects, fit, depth.work + depth.more)
 
     def may_go_on(fit: Fit) -> bool:
         return shooting.work <= depth.work and _is_promising(selection, shooting, fit, expanded, skipped)
@@ -200,7 +202,7 @@ def _swapped(
             break
         swapped = frozenset(selection.best.effects)
         tell("testing what could stand in place of each effect")
-        swap(selection, shooting, effects, depth.work + _MORE)
+        swap(selection, shooting, effects, depth.work + min(depth.more, _MORE))
         yield True
 
 
