@@ -58,8 +58,8 @@ class Rival:
         """A form at a fit."""
         assert rough.design is not None
         exact = dataclasses.replace(shooting, engine=engine).predicted(rough)
-        white = shooting.residuals(exact)
-        both = float((_beside(rough.design, white) ** 2).sum()), _unexplained(rough, white)
+        white = _beside(rough.design, shooting.residuals(exact))
+        both = float((white**2).sum()), _unexplained(rough, white)
         left, least = (chi2 if np.isfinite(chi2) else np.inf for chi2 in both)
         return cls(engine, exact, left, least)
 
@@ -72,10 +72,11 @@ def distinct(rivals: Sequence[Rival], shooting: Shooting, rough: Fit) -> list[Ri
         shooting: the likelihood.
         rough: the fit at which they compete.
     """
+    assert rough.design is not None
     kept: list[Rival] = []
     for rival in rivals:
         apart = (shooting.noise.whiten(shooting.segments, rival.exact - other.exact) for other in kept)
-        if not any(_unexplained(rough, white) < _ALIKE for white in apart):
+        if not any(_unexplained(rough, _beside(rough.design, white)) < _ALIKE for white in apart):
             kept.append(rival)
     return kept
 
@@ -215,10 +216,9 @@ def _as_recorded(shooting: Shooting, fit: Fit) -> Array:
     return states
 
 
-def _unexplained(fit: Fit, white: Array) -> float:
-    """Chi2 of whitened columns ``(S, M)`` that no change of the initial states and parameters of a fit makes."""
+def _unexplained(fit: Fit, left: Array) -> float:
+    """Chi2 of columns beside the initial states, ``(S, M)``, that no change of the parameters of a fit makes either."""
     assert fit.design is not None
-    left = _beside(fit.design, white)
     if fit.columns is None or not fit.columns.any() or not np.isfinite(left).all():
         return float((left**2).sum())
     moved = np.stack([_beside(fit.design, column) for column in np.moveaxis(fit.columns, -1, 0)], axis=-1)
