@@ -6,7 +6,7 @@ import dataclasses
 import io
 import logging
 import pickle
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Sequence
 from contextlib import suppress
 from pathlib import Path
 from typing import Any, BinaryIO, TypeVar
@@ -114,7 +114,7 @@ class Checkpoint:
         return file.getvalue()
 
     def _unpickled(self, pickled: bytes) -> Any:
-        return _Unpickler(io.BytesIO(pickled), self._shared).load()
+        return Unpickler(io.BytesIO(pickled), self._shared).load()
 
     def _write(self, stage: str, pickled: bytes) -> None:
         """Puts a stage in the file, if the disk allows it."""
@@ -168,21 +168,35 @@ class _Pickler(pickle.Pickler):
         return number
 
 
-class _Unpickler(pickle.Unpickler):
-    """Reads values: arrays and the dataclasses of the diagnosis, and runs nothing else that a file may ask for."""
+class Unpickler(pickle.Unpickler):
+    """Reads values: arrays and this package's dataclasses, and runs nothing else that a file may ask for.
 
-    def __init__(self, file: BinaryIO, shared: list[object]) -> None:
+    Args:
+        file: to read.
+        shared: objects that the file refers to by number.
+        ours: how the names of modules begin whose dataclasses are read.
+        known: further classes.
+    """
+
+    def __init__(
+        self, file: BinaryIO, shared: Sequence[object] = (), ours: str = _OURS, known: Sequence[type] = ()
+    ) -> None:
         super().__init__(file)
-        self._shared = shared
+        self._shared, self._ours = shared, ours
+        self._known = {(kind.__module__, kind.__qualname__): kind for kind in known}
 
     def persistent_load(self, pid: int) -> object:
+        """The shared object of a number."""
         return self._shared[pid]
 
     def find_class(self, module: str, name: str) -> Any:
+        """The class of that name, if it may be read."""
+        if (module, name) in self._known:
+            return self._known[module, name]
         if module.partition(".")[0] == "numpy" and name in _ARRAYS:
             return super().find_class(module, name)
-        if module.startswith(_OURS) and "." not in name:
+        if module.startswith(self._ours) and "." not in name:
             found = super().find_class(module, name)
             if isinstance(found, type) and dataclasses.is_dataclass(found):
                 return found
-        raise pickle.UnpicklingError(f"{module}.{name} does not belong there")
+        raise pickle.UnpicklingError(f"`{module}.{name}` does not belong there")

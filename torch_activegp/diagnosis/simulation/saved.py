@@ -7,11 +7,11 @@ import io
 import pickle
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import Any
 
 import mujoco
 import numpy as np
 
+from torch_activegp.diagnosis.checkpoint import Unpickler
 from torch_activegp.diagnosis.inputs.blackbox import BlackBox
 from torch_activegp.diagnosis.inputs.runs import Channels
 from torch_activegp.diagnosis.simulation.blackbox_simulator import AcceleratedSimulator
@@ -23,7 +23,6 @@ from torch_activegp.simulators import Simulator
 
 _HEADER = b"torch_activegp corrected simulator 1\n"
 _OURS = "torch_activegp."
-_ARRAYS = frozenset({"ndarray", "dtype", "_reconstruct", "_frombuffer", "scalar"})
 _PROTOCOL = 4
 _UNFIT = (pickle.PickleError, EOFError, AttributeError, ImportError, IndexError, TypeError, ValueError)
 
@@ -108,7 +107,7 @@ def load_corrected(
     if header != _HEADER:
         raise DataError(f"{path}: corrected.pt or learned.pt of a diagnosis wanted, found another kind of file.")
     try:
-        found = _Unpickler(io.BytesIO(content), effects).load()
+        found = Unpickler(io.BytesIO(content), ours=_OURS, known=effects).load()
         if not isinstance(found, _Saved):
             raise pickle.UnpicklingError(f"a simulator wanted, found a {type(found).__name__}")
     except _UNFIT as error:
@@ -130,22 +129,3 @@ def _bytes(model: mujoco.MjModel) -> bytes:
     buffer = np.zeros(mujoco.mj_sizeModel(model), dtype=np.uint8)
     mujoco.mj_saveModel(model, None, buffer)
     return buffer.tobytes()
-
-
-class _Unpickler(pickle.Unpickler):
-    """Reads arrays and dataclasses of this package, and runs nothing else that a file may ask for."""
-
-    def __init__(self, file: io.BytesIO, effects: Sequence[type[Effect]]) -> None:
-        super().__init__(file)
-        self._known = {(kind.__module__, kind.__qualname__): kind for kind in effects}
-
-    def find_class(self, module: str, name: str) -> Any:
-        if (module, name) in self._known:
-            return self._known[module, name]
-        if module.partition(".")[0] == "numpy" and name in _ARRAYS:
-            return super().find_class(module, name)
-        if module.startswith(_OURS) and "." not in name:
-            found = super().find_class(module, name)
-            if isinstance(found, type) and dataclasses.is_dataclass(found):
-                return found
-        raise pickle.UnpicklingError(f"`{module}.{name}` does not belong there")

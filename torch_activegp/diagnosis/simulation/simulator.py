@@ -45,6 +45,8 @@ class EffectSimulator(Simulator):
         ConfigurationError: the model has actuators with activations.
     """
 
+    _gives_none = "MuJoCo gives none"
+
     def __init__(
         self,
         model: mujoco.MjModel,
@@ -62,6 +64,8 @@ class EffectSimulator(Simulator):
         super().__init__(state_space(model), action_space(model), dt)
         self.model, self.channels, self.candidate = model, dataclasses.replace(channels, prescribed=None), candidate
         self.substeps, self.integrator = substeps, integrator
+        self._order = np.arange(self.state_dim)
+        """Which dimensions of the state the engine's are."""
         self._engine: Engine | None = None
 
     def __getstate__(self) -> dict[str, Any]:
@@ -84,18 +88,22 @@ class EffectSimulator(Simulator):
         """
         batch = self._check_rollout(state, actions)
         if torch.is_grad_enabled() and (state.requires_grad or actions.requires_grad):
-            raise SimulationError("EffectSimulator: an input requires a gradient, and MuJoCo gives none. Detach it.")
+            raise SimulationError(
+                f"{type(self).__name__}: an input requires a gradient, and {self._gives_none}. Detach it."
+            )
         size, count = batch.numel(), actions.shape[-2]
         if size == 0 or count == 0:
             return state.new_empty(*batch, count, self.state_dim)
-        begin = as_numbers(state.expand(*batch, self.state_dim)).reshape(size, self.state_dim)
+        begin = as_numbers(state.expand(*batch, self.state_dim)).reshape(size, self.state_dim)[:, self._order]
         limited = self.action_space.clamp(actions.expand(*batch, *actions.shape[-2:]))
         control = as_numbers(limited).reshape(size, count, self.action_dim)
         if self._engine is None:
             self._engine = Engine(self.model, self.channels, self.substeps, integrator=self.integrator)
         after = self._engine.trajectories(self._segments(begin, control), begin, self.candidate)[:, 1:]
-        states = torch.from_numpy(after.reshape(*batch, count, self.state_dim))
-        return self.state_space.wrap(states.to(self.state_space.low.device)).to(state)
+        states = torch.empty(size, count, self.state_dim, dtype=torch.float64)
+        states[..., self._order] = torch.from_numpy(after)
+        states = states.reshape(*batch, count, self.state_dim).to(self.state_space.low.device)
+        return self.state_space.wrap(states).to(state)
 
     def engine_for(self, channels: Channels, interval: float, nthread: int = 0) -> Engine:
         """What simulates it over recordings with so long between rows, s, in time steps no longer than its own."""
