@@ -200,6 +200,16 @@ def test_damping_and_a_spring_are_named_with_their_parameters(black, tmp_path) -
     assert not (tmp_path / "corrected.xml").exists()
 
 
+@pytest.mark.skipif(not torch.cuda.is_available(), reason="needs a GPU")
+def test_a_simulator_on_a_gpu_is_diagnosed(black) -> None:
+    runs = [black.record("viscous spring", i) for i in range(3)]
+    found = diagnose(black.simulator().to("cuda"), runs, [black.record("viscous spring", 9)])
+    assert (found.verdict, {effect.name for effect in found.effects}) == (
+        "named",
+        {"viscous_friction", "linear_spring"},
+    )
+
+
 def test_what_is_not_on_the_list_is_unknown_and_learned(black) -> None:
     runs = [black.record("unlisted", i, 6.0) for i in range(3)]
     found = diagnose(black.simulator(), runs, [black.record("unlisted", 9)])
