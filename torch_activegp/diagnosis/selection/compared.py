@@ -43,6 +43,8 @@ class Selection:
         beside: the set from whose initial states smaller ones were fitted last.
         parts: fits of parts of a set that were not compared, by the effects of the set and theirs.
         simplified: chi2 of the best sets in place of which simpler ones were tried, and the scores that these had.
+        tunable: all effects that a modeller may have tuned.
+        one_gains: the most that one of these gains on top of the nominal, to first order; None until it is asked for.
     """
 
     nominal: Fit
@@ -52,6 +54,8 @@ class Selection:
     beside: Fit | None = None
     parts: dict[tuple[frozenset[Effect], frozenset[Effect]], Fit] = dataclasses.field(default_factory=dict)
     simplified: set[tuple[float, Score]] = dataclasses.field(default_factory=set)
+    tunable: tuple[Effect, ...] = ()
+    one_gains: float | None = None
 
     @property
     def best(self) -> Fit:

@@ -82,7 +82,7 @@ def select(
     names = len({effect.key for effect in effects})
     hides_colour = shooting.hides_colour and not shooting.noise.colour.any()
     score = Score(shooting.samples, names, 1.0, free=free, hides_colour=hides_colour)
-    selection = Selection(nominal, [nominal], score)
+    selection = Selection(nominal, [nominal], score, tunable=tuple(e for e in effects if e.tunable))
     near = first if first is not None and np.isfinite(first.chi2) else nominal
     if sets or near.effects:
         selection.add([near] if near.effects else [])

@@ -19,7 +19,7 @@ _STEPS = 8
 _BETTER = 0.5
 
 
-def chained(shooting: Shooting, fit: Fit) -> Fit:
+def chained(shooting: Shooting, fit: Fit, much: float = _STANDS_OUT) -> Fit:
     """The fit with segments that stand out begun where the segments before them lead, or at rest, where that is better.
 
     The speed at an impact is not what a smoothed recording shows, and no derivative leads from one side of an impact to
@@ -29,11 +29,12 @@ def chained(shooting: Shooting, fit: Fit) -> Fit:
     Args:
         shooting: the likelihood.
         fit: of any set.
+        much: how many times the median chi2 of a sample makes a segment stand out.
     """
     segments, before = shooting.segments, fit
     for number in range(_ROUNDS):
         level = fit.per_segment / segments.samples
-        out = level > _STANDS_OUT * max(float(np.median(level)), 1.0)
+        out = level > much * max(float(np.median(level)), 1.0)
         if not out.any() or fit.design is None:
             break
         known = fit
