@@ -179,6 +179,8 @@ def test_the_diagnosis_holds_it_as_plain_values(diagnosed) -> None:
         ((None, -15.0), 1700.0, False, False),  # next to what it gains where it acts
         ((None, None), 40.0, True, False),  # it acts in one recording alone
         ((None, -715.0, 6.0), 1890.0, False, True),
+        ((-180.0, 189.0, -121.0, 432.0, -36.0), 620.0, False, True),  # what it wins, it loses elsewhere
+        ((-50.0, 189.0, -11.0, 432.0, -36.0), 620.0, False, False),
         ((None, -715.0, 6.0), 1890.0, True, False),  # so much is no chance where white noise is left
     ],
 )

@@ -31,8 +31,8 @@ _OPTIMUM = 0.9
 """All that is tunable together gains less than this part of what the best set explains, behind a tuning."""
 _FEW, _TOO_MUCH = 3, 0.4
 """So few corrections undo no tuning where one tunable effect, whichever, gains more than this part alone: who had
-tuned would have found it. Tuned nominals measured 0.002 to 0.13, and 0.49 with five corrections; 0.53, 0.71 and 0.88 where
-a gain or a rotor beside a spring, a drag or a sensor's gain only happened to gain nothing alone."""
+tuned would have found it. Tuned nominals measured 0.002 to 0.13, and 0.49 with five corrections; 0.53, 0.71 and 0.88
+were measured where a gain or a rotor beside a spring, a drag or a sensor's gain only happened to gain nothing alone."""
 _LIKELY = (0.4, 0.6, 0.85)
 """The same to first order, for what is worth a fit: 8 of 11 tuned cases measured 0.08 to 0.66, two effects 0.5 to 3."""
 
