@@ -5,8 +5,10 @@ import dataclasses
 import numpy as np
 import pytest
 
+from torch_activegp.diagnosis.selection.compared import Selection
 from torch_activegp.diagnosis.selection.screening import Atom, Screen
-from torch_activegp.diagnosis.selection.tuning import at_an_optimum, beside, only_undoes, paying, undone
+from torch_activegp.diagnosis.selection.tuning import at_an_optimum, beside, is_a_tuning, only_undoes, paying, undone
+from torch_activegp.diagnosis.shooting.score import Score
 
 NAMES = ("cubic_spring", "quadratic_drag", "viscous_friction", "armature_error")
 PRICE = 9.0
@@ -111,3 +113,17 @@ def test_a_tuning_gains_less_alone_than_beside_what_it_hides(bench) -> None:
     assert only_undoes(nominal, fit(800.0, count=3), fit(300.0), best)
     assert not only_undoes(nominal, fit(100.0, count=3), fit(300.0), best)
     assert only_undoes(nominal, fit(700.0), fit(300.0), fit(0.0, damping=-0.1))  # a damping that drives
+
+
+@pytest.mark.parametrize("tuned", [True, False])
+def test_a_nominal_far_from_one_optimum_was_not_tuned(bench, monkeypatch, tuned: bool) -> None:
+    """A damping is missing, or was tuned; what few corrections beside it undo is a tuning in the second case alone."""
+    monkeypatch.setattr("torch_activegp.diagnosis.selection.tuning.only_undoes", lambda *_: True)
+    monkeypatch.setattr("torch_activegp.diagnosis.selection.tuning.fitted", lambda *_: bench.nominal)
+    damping, rotor = bench.effect("viscous_friction"), bench.effect("armature_error")
+    found = bench.fit("viscous_friction", bench.viscous)
+    nominal = found if tuned else bench.nominal
+    best = dataclasses.replace(found, chi2=0.5 * found.chi2)
+    selection = Selection(nominal, [nominal, best], Score(bench.shooting.samples, 60, 1.0), tunable=(damping, rotor))
+    assert is_a_tuning(bench.shooting, selection, [rotor], [damping]) is tuned
+    assert is_a_tuning(bench.shooting, selection, [rotor] * 4, [damping])  # so many corrections are one anyway

@@ -1,0 +1,74 @@
+from __future__ import annotations
+
+import dataclasses
+
+import mujoco
+import numpy as np
+import pytest
+
+from torch_activegp.data import Recording
+from torch_activegp.diagnosis import diagnose
+from torch_activegp.diagnosis.findings.unseen import is_predictable, refuted, taken_back
+from torch_activegp.diagnosis.findings.verdict import decide
+from torch_activegp.diagnosis.inputs.machine import make_machine
+from torch_activegp.diagnosis.selection.compared import Selection
+from torch_activegp.diagnosis.shooting.score import Score
+from torch_activegp.diagnosis.simulation.candidate import NOMINAL
+from torch_activegp.diagnosis.simulation.engine import Engine
+
+DOUBLE = """<mujoco><option timestep="0.002" integrator="RK4"/><worldbody>
+<body><joint name="upper" axis="0 1 0"/><inertial pos="0 0 -0.5" mass="1" diaginertia="0.02 0.02 0.001"/>
+<body pos="0 0 -1"><joint name="lower" axis="0 1 0"/><inertial pos="0 0 -0.5" mass="1" diaginertia="0.02 0.02 0.001"/>
+</body></body></worldbody></mujoco>"""
+
+
+def said(before: float, after: float, run: str) -> dict:
+    """Held-out errors of one run, beside noise of 1."""
+    return {"runs": [{"run": run, "free_run": {"before": before, "after": after, "noise": 1.0}}]}
+
+
+@pytest.mark.parametrize(
+    ("before", "after", "lost"),
+    [(30.0, 4.9, False), (30.0, 9.0, True), (4.0, 6.0, True), (900.0, 40.0, False)],  # the last: a quiet encoder
+)
+def test_what_leaves_much_more_than_noise_and_is_little_better_is_refuted(bench, before, after, lost: bool) -> None:
+    runs, start = bench.machine.holdout, bench.engine.starts(bench.segments)[:1]
+    assert refuted(said(before, after, runs[0].label), bench.engine, NOMINAL, runs, start.tolist()) is lost
+
+
+def test_a_run_that_nothing_forecasts_refutes_nothing() -> None:
+    """A double pendulum that turns over doubles an error of its initial state twice a second."""
+    model = mujoco.MjModel.from_xml_string(DOUBLE)
+    time = np.arange(1001) / 100
+    columns = {"time": time, "qpos.upper": 2.5 + 0.1 * np.sin(time), "qpos.lower": 0.1 * np.sin(time)}
+    machine = make_machine(model, [Recording.from_columns("still", columns)], [])
+    engine, runs = Engine(model, substeps=5, channels=machine.channels), machine.fit[:1]
+    wild, calm = np.array([[2.5, 0.1, 0.0, 0.0]]), np.array([[0.1, 0.1, 0.0, 0.0]])
+    assert is_predictable(engine, NOMINAL, runs, calm).tolist() == [True]
+    assert is_predictable(engine, NOMINAL, runs, wild).tolist() == [False]
+    assert refuted(said(30.0, 20.0, runs[0].label), engine, NOMINAL, runs, calm.tolist())
+    assert not refuted(said(30.0, 20.0, runs[0].label), engine, NOMINAL, runs, wild.tolist())
+
+
+def test_without_its_names_a_verdict_is_unknown_and_says_why(bench) -> None:
+    fits = [bench.nominal, bench.fit("viscous_friction", 0.05)]
+    verdict = decide(bench.shooting, Selection(bench.nominal, fits, Score(bench.shooting.samples, 60, 1.0)))
+    judgement, stable, notes = taken_back(verdict, {"after": 0.3, "noise": 0.03})
+    assert (judgement.verdict, judgement.named, judgement.unexplained, stable) == ("unknown", (), 1.0, None)
+    assert notes[-1].startswith("viscous_friction at joint:hip would fit these recordings, but not the held-out ones")
+    assert "10 times the noise" in notes[-1]
+
+
+def test_names_that_do_not_hold_for_other_runs_are_not_given(bench, record) -> None:
+    """The held-out run was recorded from another machine: its motor pushes the other way half of the time."""
+    runs, other = [record("viscous", seed) for seed in range(3)], record("viscous", 9, "kept")
+    control = other["ctrl.drive"].numpy().copy()
+    control[len(control) // 2 :] *= -1.0
+    strange = record("viscous", 9, "kept", ctrl__drive=control)
+    found, good = (diagnose(bench.xml, runs, [kept], nthread=1) for kept in (strange, other))
+    assert (good.verdict, found.verdict) == ("named", "unknown")
+    assert found.effects == ()
+    assert found.stability is None
+    assert any("would fit these recordings, but not the held-out ones" in note for note in found.details["notes"])
+    assert found.details["fit"]["holdout"]["free_run"]["after"] == found.details["fit"]["holdout"]["free_run"]["before"]
+    assert dataclasses.asdict(good.effects[0])["name"] == "viscous_friction"
