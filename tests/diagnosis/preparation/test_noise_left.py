@@ -155,6 +155,20 @@ def test_behind_names_what_can_be_a_filter_alone_is_one(clean, monkeypatch, show
     assert (noise_behind(shooting, named) is not None) is seen
 
 
+def test_behind_names_a_filter_that_was_taken_for_a_quicker_one_is_seen(clean) -> None:
+    """A spectrum above the motion showed a pole of 0.55 and too little noise; high differences see the same of both."""
+    level = np.sqrt((1 - 0.8**2) * high_differences((0.8, 0.0)) / high_differences((0.55, 0.0)))
+    quick = NoiseModel(np.array([1e-3 * level * colour_scale((0.55, 0.0)) ** -1]), np.array([[0.55, 0.0]]))
+    shooting, fit = with_noise(clean, 1e-3, 1e-3, 0.8)
+    taken = dataclasses.replace(shooting, noise=quick)
+    named = dataclasses.replace(fit, effects=(clean.effect("viscous_friction"),), values=(np.zeros(1),))
+    assert noise_behind(taken, fit) is None
+    found = noise_behind(taken, named)
+    assert found is not None
+    assert found.colour[0, 0] > 0.6
+    assert found.innovation[0] == pytest.approx(1e-3 * np.sqrt(1 - 0.8**2), rel=0.15)
+
+
 def test_noise_whose_colour_is_known_is_not_made_louder(clean) -> None:
     floor = 1e-3 * np.sqrt((1 - 0.7**2) * high_differences((0.7, 0.0)))
     shooting, fit = with_noise(clean, floor, 1e-3, 0.7)

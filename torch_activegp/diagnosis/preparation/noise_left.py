@@ -34,8 +34,8 @@ _FRESH, _LAGS = 0.12, 15
 to 0.3 for physics. A periodic error shows after a period."""
 _STRICTLY_HIGH, _STRICTLY_FRESH, _SLOWEST = (0.85, 1.2), 0.07, 0.85
 """The same behind names where a spectrum should have shown the filter, and the largest pole: a tight loop moved up to
-the rates at which it would. Filtered noise behind three names showed 0.94 and 0.06 there; behind none, what they
-explain showed 1.06 and 0.08, at a pole of 0.94."""
+the rates at which it would, or it showed a quicker filter and too little noise. What was left behind one to three names
+showed 0.94 to 1.12 and 0.06 there; behind none, what they explain showed 1.06 and 0.08, at a pole of 0.94."""
 _CHANCE = 4.0
 """Standard deviations of what chance makes of a correlation."""
 _LOUDER = 1.2
@@ -73,8 +73,9 @@ def noise_behind(
         own, first = _of(old, channel), _of(floor or old, channel)
         new = _quieter(left, own, first, last)
         if new is None and (filtered := _filtered(left, own, first)) is not None:
-            seen = bool(fit.effects) and _surely_filtered(left, first, filtered)
-            new = filtered if seen or hides_filters(shooting.segments.runs, channel) else None
+            new = filtered if hides_filters(shooting.segments.runs, channel) else None
+        if new is None and fit.effects:
+            new = _surely_filtered(left, own, first)
         if new is not None:
             found = True
             scale[channel], colour[channel] = np.sqrt(new[1]) / colour_scale(new[0]), new[0]
@@ -146,12 +147,14 @@ def _filtered(left: _Left, thought: _Noise, floor: _Noise) -> _Noise | None:
     return _Noise(poles, new) if same else None
 
 
-def _surely_filtered(left: _Left, floor: _Noise, noise: _Noise) -> bool:
-    """Whether what is left can be nothing but the noise of a filter, which shows in no spectrum."""
-    least, most = _STRICTLY_HIGH
-    shown = noise.innovation * high_differences(noise.poles) / floor.innovation
-    quick = noise.poles[0] <= _SLOWEST and noise.poles[1] == 0.0
-    return quick and least < shown < most and left.is_white_behind(noise.poles, _STRICTLY_FRESH)
+def _surely_filtered(left: _Left, thought: _Noise, floor: _Noise) -> _Noise | None:
+    """The noise of a channel where what is left is a filter's and nothing else, whatever a spectrum showed."""
+    poles = left.colour()
+    new, (least, most) = left.innovation(poles), _STRICTLY_HIGH
+    shown = new * high_differences(poles) / (floor.innovation * high_differences(floor.poles))
+    quick = 0.0 < poles[0] <= _SLOWEST and poles[1] == 0.0
+    louder = new > _LOUDER * thought.innovation and least < shown < most
+    return _Noise(poles, new) if quick and louder and left.is_white_behind(poles, _STRICTLY_FRESH) else None
 
 
 def _left(shooting: Shooting, fit: Fit) -> list[_Left]:
