@@ -19,9 +19,6 @@ _NEAR_NOISE = 1.5
 _NEARLY = 0.2
 """Part of what was left that may be left behind what is weak, where even little is seen to be no noise: behind the
 Stribeck part of a friction 7400 of 7900 in chi2 were gone, of a mismatch of two million, and the rest still showed."""
-_STANDS_OUT = 1.4
-"""Segments whose chi2 is so many times the usual one are begun anew: a joint that friction held as they began left one
-of 258 samples at 2.4, and noise does not, more than 1.3."""
 _DEPTH = Depth(rounds=3, swaps=1, work=10e6)
 
 
@@ -62,9 +59,9 @@ def also_weak(
 
 
 def _unstuck(shooting: Shooting, selection: Selection) -> None:
-    """Frees segments of the best set that stand out a little: two of 51 hid a damping, and looked like a delay."""
+    """Begins segments of the best set anew that stand out: they look like what is weak."""
     best = selection.best
-    again = chained(shooting, shooting.fit([(best.effects, best.values)], best.starts, near=best)[0], _STANDS_OUT)
+    again = chained(shooting, shooting.fit([(best.effects, best.values)], best.starts, near=best)[0])
     if again.chi2 < best.chi2:
         selection.add([again])
 
