@@ -125,3 +125,9 @@ def test_unknown_says_what_to_doubt() -> None:
     doubts = ("a: no control is recorded.", "b: in degrees?")
     assert sentence("unknown", (), ERROR, doubts).endswith("it. Check the recordings first: a: no control is recorded.")
     assert "Check" not in sentence("named", [named("a", 0.9)], ERROR, doubts)
+
+
+@pytest.mark.parametrize(("value", "told"), [(1.00362, "(1.0036)"), (1.0, "(1)"), (1.013, "(1.01)")])
+def test_a_gain_near_one_is_told_from_one(value: float, told: str) -> None:
+    effect = NamedEffect("actuator_gain", "actuator:a", "law", 1.0, 1.0, {"gain": Estimate(value, "1", (0.9, 1.1))}, ())
+    assert told in sentence("named", [effect], ERROR)

@@ -53,9 +53,15 @@ def sentence(
     return f"{text}{_rest(details)}."
 
 
+def _told(value: float) -> str:
+    """Three digits, or as many as tell a gain from one."""
+    few = f"{value:.3g}"
+    return few if few != "1" else f"{value:.5g}"
+
+
 def _with_values(effect: NamedEffect) -> str:
     """An effect, where it is, and how much of it."""
-    values = [(name, f"{one.value:.3g} {one.unit}".removesuffix(" 1")) for name, one in effect.parameters.items()]
+    values = [(name, f"{_told(one.value)} {one.unit}".removesuffix(" 1")) for name, one in effect.parameters.items()]
     told = [value if len(values) == 1 else f"{name} {value}" for name, value in values[:_TOLD]]
     return f"{effect.name} at {effect.target}{f' ({_listed(told, len(values))})' if told else ''}"
 
