@@ -142,19 +142,24 @@ def _filtered(left: _Left, thought: _Noise, floor: _Noise) -> _Noise | None:
     new = left.innovation(poles)
     if any(floor.poles) or any(thought.poles) or not any(poles) or new < _LOUDER * thought.innovation:
         return None
-    shown = new * high_differences(poles) / floor.innovation
-    same = _SAME_HIGH[0] < shown < _SAME_HIGH[1] and left.is_white_behind(poles)
-    return _Noise(poles, new) if same else None
+    noise = _Noise(poles, new)
+    return noise if _shows_the_floor(left, noise, floor, _SAME_HIGH, _FRESH) else None
 
 
 def _surely_filtered(left: _Left, thought: _Noise, floor: _Noise) -> _Noise | None:
     """The noise of a channel where what is left is a filter's and nothing else, whatever a spectrum showed."""
     poles = left.colour()
-    new, (least, most) = left.innovation(poles), _STRICTLY_HIGH
-    shown = new * high_differences(poles) / (floor.innovation * high_differences(floor.poles))
+    noise = _Noise(poles, left.innovation(poles))
     quick = 0.0 < poles[0] <= _SLOWEST and poles[1] == 0.0
-    louder = new > _LOUDER * thought.innovation and least < shown < most
-    return _Noise(poles, new) if quick and louder and left.is_white_behind(poles, _STRICTLY_FRESH) else None
+    louder = noise.innovation > _LOUDER * thought.innovation
+    surely = quick and louder and _shows_the_floor(left, noise, floor, _STRICTLY_HIGH, _STRICTLY_FRESH)
+    return noise if surely else None
+
+
+def _shows_the_floor(left: _Left, noise: _Noise, floor: _Noise, high: tuple[float, float], fresh: float) -> bool:
+    """Whether what is new is white to `fresh`, and high differences see the floor's variance in it, times `high`."""
+    shown = noise.innovation * high_differences(noise.poles) / (floor.innovation * high_differences(floor.poles))
+    return high[0] < shown < high[1] and left.is_white_behind(noise.poles, fresh)
 
 
 def _left(shooting: Shooting, fit: Fit) -> list[_Left]:
