@@ -57,6 +57,22 @@ def test_a_set_of_effects_is_fitted_again_behind_better_states(bench) -> None:
     np.testing.assert_allclose(again.values[0], fit.values[0], rtol=1e-3)
 
 
+@pytest.mark.parametrize(("louder", "freed"), [(1.0, True), (1.6, False)])
+def test_near_the_noise_alone_a_segment_that_stands_out_a_little_begins_anew(bench, louder: float, freed: bool) -> None:
+    """Twice the usual chi2 is much where that is noise; where all leave more, it may be what is missing."""
+    fit = bench.fit("viscous_friction", 0.05)
+    last, begun = bench.segments.size - 1, fit.starts.copy()
+    level = fit.per_segment / bench.segments.samples
+    for size in np.linspace(0.0, 0.1, 1001)[1:]:
+        begun[last, 0] = fit.starts[last, 0] + size
+        held = bench.shooting.fit([(fit.effects, fit.values)], begun, rounds=0, hold=True)[0]
+        if held.per_segment[last] > 2.0 * np.median(level) * bench.segments.samples[last]:
+            break
+    per_segment = louder * held.per_segment / np.median(level)
+    stuck = dataclasses.replace(fit, starts=begun, chi2=per_segment.sum(), per_segment=per_segment, design=held.design)
+    assert (chained(bench.shooting, stuck) is not stuck) is freed
+
+
 STUCK = """
 <mujoco><option timestep="0.001" integrator="RK4"/><default><joint solreffriction="0.004 1"/></default><worldbody>
 <body name="sled"><joint name="x" type="slide" axis="1 0 0" damping="2" frictionloss="3"/>
