@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from torch_activegp.diagnosis.preparation import agreement
-from torch_activegp.diagnosis.preparation.agreement import Rival, distinct, first_close
+from torch_activegp.diagnosis.preparation.agreement import first_close
 from torch_activegp.diagnosis.shooting.likelihood import Shooting
 from torch_activegp.diagnosis.simulation.engine import Engine
 
@@ -21,7 +21,7 @@ def forms(clean):
 def test_what_takes_longer_steps_than_a_form_that_is_not_close_is_not_tried(clean, forms, monkeypatch) -> None:
     tried = []
 
-    def listen(working, judged, exact):
+    def listen(working, judged, exact, carried):
         tried.append(working.engine)
         return False
 
@@ -41,7 +41,7 @@ def test_what_takes_longer_steps_than_a_form_that_is_not_close_is_not_tried(clea
 
 
 def test_where_nothing_is_close_the_precise_fit_is_taken_as_it_is(clean, forms, monkeypatch) -> None:
-    monkeypatch.setattr(agreement, "is_close", lambda working, judged, exact: False)
+    monkeypatch.setattr(agreement, "is_close", lambda *_: False)
     few, _, many = forms
     precise = dataclasses.replace(clean.shooting, engine=many)
     exact = precise.fit([((), ())], clean.nominal.starts)[0]
@@ -64,38 +64,6 @@ def test_a_form_that_stands_for_itself_is_fitted_once(clean, forms, monkeypatch,
     assert len(count) == fits
 
 
-def test_a_rival_is_judged_by_what_no_initial_state_takes_away(clean, forms) -> None:
-    fit = clean.shooting.fit([((), ())], clean.nominal.starts)[0]
-    rival = Rival.at(clean.shooting, forms[-1], fit)
-    white = clean.shooting.residuals(rival.exact)
-    assert 0.0 < rival.left < float((white**2).sum())
-    moved = dataclasses.replace(fit, starts=fit.starts + 1e-4)
-    assert Rival.at(clean.shooting, forms[-1], moved).left == pytest.approx(rival.left, rel=0.01)
-
-
-def test_nor_what_a_parameter_would_take_away(bench) -> None:
-    """To first order: what viscous friction explains is left to a fit without it, and not to one with hardly any."""
-    without = bench.shooting.fit([((), ())], bench.nominal.starts)[0]
-    hardly = bench.shooting.fit([((bench.effect("viscous_friction"),), (np.array([1e-6]),))], without.starts, rounds=0)[
-        0
-    ]
-    assert hardly.columns is not None
-    rivals = [Rival.at(bench.shooting, bench.engine, fit) for fit in (without, hardly)]
-    assert [rival.left / bench.shooting.dof > 5.0 for rival in rivals] == [True, True]
-    assert rivals[0].least == rivals[0].left
-    assert rivals[1].least / bench.shooting.dof == pytest.approx(1.0, abs=0.3)
-
-
-def test_of_rivals_that_nothing_tells_apart_the_first_is_kept(clean, forms) -> None:
-    fit = clean.shooting.fit([((), ())], clean.nominal.starts)[0]
-    one = Rival.at(clean.shooting, forms[0], fit)
-    begun = fit.design.reshape(*one.exact.shape, -1)[..., 0] * clean.noise
-    alike = dataclasses.replace(one, exact=one.exact + 5.0 * begun)  # but for other initial states
-    other = dataclasses.replace(one, exact=one.exact + clean.noise * np.random.default_rng(0).normal(size=begun.shape))
-    assert distinct([one, alike, other], clean.shooting, fit) == [one, other]
-    assert distinct([alike, other, one], clean.shooting, fit) == [alike, other]
-
-
 @pytest.mark.parametrize(("away", "close"), [(0.0, True), (0.001, True), (0.5, False)])
 def test_a_correction_must_hold_where_the_recordings_begin_too(clean, forms, monkeypatch, away, close) -> None:
     many = forms[-1]
@@ -108,6 +76,7 @@ def test_a_correction_must_hold_where_the_recordings_begin_too(clean, forms, mon
     error = agreement.drift(working, precise, fit) / working.dof
     assert (error < 0.01) == close
     assert agreement.is_close(working, fit, many) == close
+    assert agreement.is_close(working, fit, many, carried=True)
     assert away or error == 0.0
     far = dataclasses.replace(fit, chi2=1e9 * working.dof)  # beside what is missing it does not count
     assert agreement.is_close(working, far, many)

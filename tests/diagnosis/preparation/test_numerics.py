@@ -8,6 +8,7 @@ import pytest
 from torch_activegp.diagnosis.noise.model import NoiseModel
 from torch_activegp.diagnosis.preparation import agreement, numerics, telling
 from torch_activegp.diagnosis.preparation.numerics import Numerics
+from torch_activegp.diagnosis.preparation.rivals import Rival
 from torch_activegp.diagnosis.shooting.likelihood import Shooting
 from torch_activegp.diagnosis.simulation.candidate import NOMINAL, Candidate
 
@@ -81,16 +82,6 @@ def test_what_comes_late_by_less_than_a_few_time_steps_is_seen_in_shorter_ones_t
     for seconds, short in ((0.015, True), (0.025, False)):
         forms = made._forms(clean.segments, [((late,), (np.array([seconds]),))], None)
         assert (made.finest in forms) is short
-
-
-def test_a_set_may_be_late_in_another_way(clean) -> None:
-    lag, delay = (clean.effect(name, "actuator:drive") for name in ("actuator_lag", "actuator_delay"))
-    wet, dry = clean.effect("viscous_friction"), clean.effect("coulomb_friction")
-    value = np.array([0.01])
-    some = [((wet, delay), (value, value)), ((delay, wet), (value, value)), ((wet,), (value,)), ((dry, lag), (value,))]
-    assert numerics._otherwise_late([((lag, wet), (value, value)), *some]) == [*some[:2]]
-    assert numerics._otherwise_late([((wet,), (value,)), *some]) == []
-    assert numerics._otherwise_late([]) == []
 
 
 def test_a_lag_within_a_time_step_is_no_delay_behind_long_steps(clean) -> None:
@@ -169,7 +160,7 @@ def test_the_cheapest_form_that_is_close_comes_first(clean, monkeypatch) -> None
     shooting = truth_of(clean, made, "fine")
     fit = shooting.fit([((), ())], clean.nominal.starts)[0]
     precise = dataclasses.replace(shooting, engine=made.fine)
-    rival = agreement.Rival.at(shooting, made.fine, fit)
+    rival = Rival.at(shooting, made.fine, fit)
     far = {id(made.coarse): 50.0, id(made.late): 20.0}
     monkeypatch.setattr(numerics, "unabsorbed", lambda working, fit: far[id(working.engine)])
     assert made._cheap_ones(rival, precise, fit) == [made.late, made.coarse, made.fine]
@@ -185,7 +176,7 @@ def test_where_something_touches_a_form_must_fit_all_segments_as_the_engine_does
     made = dataclasses.replace(Numerics.of(clean.integrated("Euler", 0.001), 1), stiff=True)
     shooting = truth_of(clean, made, "fine")
     begin = shooting.fit([((), ())], clean.nominal.starts)[0]
-    monkeypatch.setattr(agreement, "is_close", lambda working, judged, exact: close and exact is not None)
+    monkeypatch.setattr(agreement, "is_close", lambda working, judged, exact, carried: close and exact is not None)
     working, judged = made._on_all(dataclasses.replace(shooting, engine=made.middle), made.fine, begin)
     assert working.engine is (made.middle if close else made.fine)
     assert (working.offset is not None) == close
@@ -219,6 +210,31 @@ def test_where_something_touches_only_forms_that_are_close_in_brief_pieces_are_f
     fit = shooting.fit([((), ())], clean.nominal.starts)[0]
     found = made._rivals([made.given, made.fine], shooting, fit)
     assert [(rival.engine, rival.left) for rival in found] == [(made.fine, 109.0), (made.own[1], 100.0)]
+
+
+@pytest.mark.parametrize(("integrator", "tried"), [("Euler", [3]), ("RK4", [0, 3])])
+def test_one_length_of_step_tells_of_the_others(clean, integrator: str, tried: list[int]) -> None:
+    made = Numerics.of(clean.integrated(integrator, 0.01), 1)
+    own = made.own[3].predict(clean.segments, clean.nominal.starts[None], [NOMINAL])[0]
+    noise = 0.05 * clean.noise * np.random.default_rng(0).normal(size=own.shape)
+    quiet = NoiseModel.white(np.array([0.05 * clean.noise]))
+    shooting = Shooting(made.fine, dataclasses.replace(clean.segments, position=own + noise), quiet)
+    fit = shooting.fit([((), ())], clean.nominal.starts)[0]
+    before = [form.work for form in made.own]
+    found = made._rivals(list(dict.fromkeys((made.given, made.fine))), shooting, fit)
+    assert found[-1].engine is made.own[3]
+    assert [i for i, form in enumerate(made.own) if form.work > before[i]] == tried
+
+
+def test_shorter_steps_that_are_no_better_are_not_tried_where_much_is_left(bench) -> None:
+    made = Numerics.of(bench.integrated("Euler", 0.01), 1)
+    fit = Shooting(made.fine, bench.segments, bench.shooting.noise).fit([((), ())], bench.nominal.starts)[0]
+    shooting = dataclasses.replace(bench.shooting, engine=made.fine)
+    found = made._rivals([made.given, made.fine], shooting, fit)
+    assert min(rival.left for rival in found) > 2.0 * shooting.dof
+    best = min(made.own, key=lambda form: Rival.at(shooting, form, fit).left)
+    better = Rival.at(shooting, best, fit).left < min(rival.left for rival in found[:2])
+    assert (len(found) == 3) is better
 
 
 def test_discretisation_alone_tells_nothing(clean, monkeypatch) -> None:

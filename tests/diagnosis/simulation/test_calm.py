@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from torch_activegp.diagnosis.simulation import calm
-from torch_activegp.diagnosis.simulation.calm import CalmEngine
+from torch_activegp.diagnosis.simulation.calm import CalmEngine, SmoothEngine
 from torch_activegp.diagnosis.simulation.candidate import NOMINAL, Candidate
 from torch_activegp.diagnosis.simulation.engine import Engine
 
@@ -68,3 +68,39 @@ def test_poses_of_long_runs_are_looked_at_now_and_then(bench, engines, monkeypat
     some = parted.touched(bench.segments)
     assert some[every].all()
     assert not some.all()
+
+
+@pytest.mark.parametrize(
+    ("name", "target", "values", "smooth"),
+    [
+        ("viscous_friction", "joint:hip", [0.1], True),
+        ("actuator_gain", "actuator:drive", [0.2], True),
+        ("coulomb_friction", "joint:hip", [0.1], False),
+        ("hysteresis", "joint:hip", [0.5, 0.2], False),
+        ("joint_stop", "joint:hip", [50.0, 1.0, 0.5], False),
+        ("actuator_lag", "actuator:drive", [0.02], False),
+        ("actuator_delay", "actuator:drive", [0.004], False),
+    ],
+)
+def test_a_machine_that_touches_nothing_takes_long_steps_but_for_what_happens_within_one(
+    bench, name: str, target: str, values: list[float], smooth: bool
+) -> None:
+    model, channels = bench.engine.model, bench.engine.channels
+    engine, full = SmoothEngine(model, channels, 10, calm=2, nthread=1), Engine(model, channels, 10, 1)
+    candidate = Candidate((bench.effect(name, target),), (np.array(values),))
+    where = bench.segments, bench.nominal.starts[None]
+    bare, wanted = (one.predict(*where, [NOMINAL]) for one in (engine, full))
+    assert 0.0 < np.abs(bare - wanted).max() < 1e-5
+    own, other = (one.predict(*where, [candidate]) for one in (engine, full))
+    assert np.array_equal(own, other) is not smooth
+    assert np.abs(own - other).max() < 1e-5
+    steps = full.steps_in(bench.segments)
+    assert engine.work == pytest.approx(0.4 * steps if smooth else 1.2 * steps, rel=0.02)
+
+
+def test_where_a_long_step_fails_short_ones_are_taken(bench, monkeypatch) -> None:
+    model, channels = bench.engine.model, bench.engine.channels
+    engine, full = SmoothEngine(model, channels, 10, calm=2, nthread=1), Engine(model, channels, 10, 1)
+    where = bench.segments, bench.nominal.starts[None], [NOMINAL]
+    monkeypatch.setattr(CalmEngine, "_simulate", lambda self, *where: np.full(3, np.nan))
+    np.testing.assert_array_equal(engine.predict(*where), full.predict(*where))

@@ -4,7 +4,9 @@ import mujoco
 import numpy as np
 import pytest
 
-from torch_activegp.diagnosis.simulation.calm import CalmEngine
+from torch_activegp.diagnosis.simulation.calm import CalmEngine, SmoothEngine
+from torch_activegp.diagnosis.simulation.candidate import NOMINAL
+from torch_activegp.diagnosis.simulation.engine import Engine
 from torch_activegp.diagnosis.simulation.forms import Forms
 
 RK4, FAST, EULER = (int(getattr(mujoco.mjtIntegrator, f"mjINT_{name}")) for name in ("RK4", "IMPLICITFAST", "EULER"))
@@ -88,3 +90,25 @@ def test_the_models_own_integrator_in_shorter_steps(clean) -> None:
     assert [form.substeps for form in striking.own] == [2, 4, 5]  # no shorter than 2 ms, by the scheme that it has
     assert {form.model.opt.integrator for form in striking.own} == {RK4}
     assert set(striking.own) < set(striking.all)
+
+
+@pytest.mark.parametrize(
+    ("integrator", "joint", "smooth"),
+    [
+        ("Euler", "", True),
+        ("RK4", "", True),
+        ("RK4", 'frictionloss="0.1"', False),
+        ("RK4", 'stiffness="50000"', False),  # 390 rad/s
+        ("RK4", 'limited="true" range="-900 10"', False),
+    ],
+)
+def test_runge_kutta_takes_as_few_steps_as_do_the_same(clean, integrator: str, joint: str, smooth: bool) -> None:
+    made = Forms.of(clean.integrated(integrator, 0.001, joint), 1)
+    fine = made.fine
+    assert (fine.substeps, fine is made.given) == (10, integrator == "RK4")
+    assert isinstance(fine, SmoothEngine) is smooth
+    if smooth:
+        assert fine.steps_in(clean.segments) == pytest.approx(4 * (clean.segments.lengths.sum()))
+        exact = Engine(made.fine.model, fine.channels, 10, 1)
+        where = clean.segments, clean.nominal.starts[None], [NOMINAL]
+        assert np.abs(fine.predict(*where) - exact.predict(*where)).max() < 0.01 * clean.noise

@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import dataclasses
 from collections.abc import Sequence
-from typing import Self
 
 import numpy as np
 
 from torch_activegp.diagnosis.inputs.runs import Array
+from torch_activegp.diagnosis.preparation.rivals import beside
 from torch_activegp.diagnosis.shooting.chaining import chained
 from torch_activegp.diagnosis.shooting.fit import Fit
 from torch_activegp.diagnosis.shooting.likelihood import Shooting
@@ -33,52 +33,6 @@ _SAME = 0.02
 """Part of chi2 by which fits may differ that are called the same."""
 _MUCH = 2.0
 """Times the noise: what leaves less is near it."""
-_ALIKE = 1.0
-"""Chi2 by which two forms differ that nothing tells apart."""
-
-
-@dataclasses.dataclass(frozen=True, eq=False)
-class Rival:
-    """A precise form where the competition begins.
-
-    Args:
-        engine: the form.
-        exact: what it predicts there, ``(S, K + 1, C)``.
-        left: chi2 that no change of the initial states takes away, to first order.
-        least: chi2 that none of the parameters does either.
-    """
-
-    engine: Engine
-    exact: Array
-    left: float
-    least: float
-
-    @classmethod
-    def at(cls, shooting: Shooting, engine: Engine, rough: Fit) -> Self:
-        """A form at a fit."""
-        assert rough.design is not None
-        exact = dataclasses.replace(shooting, engine=engine).predicted(rough)
-        white = _beside(rough.design, shooting.residuals(exact))
-        both = float((white**2).sum()), _unexplained(rough, white)
-        left, least = (chi2 if np.isfinite(chi2) else np.inf for chi2 in both)
-        return cls(engine, exact, left, least)
-
-
-def distinct(rivals: Sequence[Rival], shooting: Shooting, rough: Fit) -> list[Rival]:
-    """Those of some rivals that can be told from all that come before them.
-
-    Args:
-        rivals: the one to keep of several that are alike comes first.
-        shooting: the likelihood.
-        rough: the fit at which they compete.
-    """
-    assert rough.design is not None
-    kept: list[Rival] = []
-    for rival in rivals:
-        apart = (shooting.noise.whiten(shooting.segments, rival.exact - other.exact) for other in kept)
-        if not any(_unexplained(rough, _beside(rough.design, white)) < _ALIKE for white in apart):
-            kept.append(rival)
-    return kept
 
 
 def first_close(
@@ -88,28 +42,30 @@ def first_close(
     exact: Fit | None,
     predicted: Array | None = None,
     lost: float = np.inf,
+    known: Engine | None = None,
 ) -> tuple[Shooting, Fit]:
     """The first form that stays close to a precise one, the last of them, corrected by it; and its fit.
 
     Where the precise form was fitted (`exact`), what stands in must fit as well. `predicted` is what it says where the
     fits begin, where that is known; nothing more is done from a chi2 of `lost` on. What takes longer steps than a form
-    of the same scheme that was not close is not tried.
+    of the same scheme that was not close is not tried. A form that is `known` to be close on a part of the data may be
+    carried from one state to another, and need not show it on all.
     """
     engine, working, judged = precise.engine, precise, begin
     tried: dict[tuple[bool, int], float] = {}
     for cheap in forms:
-        scheme, steps = (cheap.late, int(cheap.model.opt.integrator)), cheap.steps_in(precise.segments)
+        scheme, steps = cheap.scheme, cheap.steps_in(precise.segments)
         if steps < tried.get(scheme, 0.0) and cheap is not engine:
             continue
         tried[scheme] = steps
         if cheap is engine and exact is not None:
             return precise, exact
-        known = predicted if judged is begin else None
-        working, judged = settled(dataclasses.replace(precise, engine=cheap), engine, judged, known, lost)
+        said = predicted if judged is begin else None
+        working, judged = settled(dataclasses.replace(precise, engine=cheap), engine, judged, said, lost)
         if not np.isfinite(judged.chi2) and cheap is not engine:
             judged = exact or begin
             continue
-        if judged.chi2 > lost or working.offset is None or is_close(working, judged, exact or engine):
+        if judged.chi2 > lost or working.offset is None or is_close(working, judged, exact or engine, cheap is known):
             break
         judged = exact or judged
     return working, judged
@@ -137,7 +93,7 @@ def settled(
     return working, chained(working, judged) if np.isfinite(judged.chi2) else judged
 
 
-def is_close(working: Shooting, judged: Fit, exact: Fit | Engine) -> bool:
+def is_close(working: Shooting, judged: Fit, exact: Fit | Engine, carried: bool = False) -> bool:
     """Whether a corrected form stays close to the precise one.
 
     Args:
@@ -147,6 +103,7 @@ def is_close(working: Shooting, judged: Fit, exact: Fit | Engine) -> bool:
             for what initial states absorb, by the same from other initial states, and near the noise explain as much
             where the fit has ended: a correction for a joint that sticks and slips may hold for the point alone at
             which it was taken.
+        carried: whether other initial states are known to do no harm.
     """
     slack = same(working, judged.chi2)
     if isinstance(exact, Fit):
@@ -154,7 +111,7 @@ def is_close(working: Shooting, judged: Fit, exact: Fit | Engine) -> bool:
     if unabsorbed(working, judged) >= bar(working, judged):
         return False
     precise = dataclasses.replace(working, engine=exact, offset=None)
-    if drift(working, precise, judged) > _STEADY * max(float(working.dof), _ROUGHLY * judged.chi2):
+    if not carried and drift(working, precise, judged) > _STEADY * max(float(working.dof), _ROUGHLY * judged.chi2):
         return False
     if judged.chi2 > _MUCH * working.dof:
         return True
@@ -176,7 +133,7 @@ def unabsorbed(shooting: Shooting, fit: Fit) -> float:
     assert shooting.offset is not None
     assert fit.design is not None
     offset = np.nan_to_num(shooting.noise.whiten(shooting.segments, shooting.offset))
-    return float(np.abs(_beside(fit.design, offset)).max())
+    return float(np.abs(beside(fit.design, offset)).max())
 
 
 def drift(working: Shooting, precise: Shooting, fit: Fit) -> float:
@@ -201,7 +158,7 @@ def drift(working: Shooting, precise: Shooting, fit: Fit) -> float:
     if (failed != lost).any():
         return float("inf")
     white = np.nan_to_num(working.noise.whiten(working.segments, exact - rough - working.offset))
-    return float((_beside(fit.design, white) ** 2).sum())
+    return float((beside(fit.design, white) ** 2).sum())
 
 
 def _as_recorded(shooting: Shooting, fit: Fit) -> Array:
@@ -214,20 +171,3 @@ def _as_recorded(shooting: Shooting, fit: Fit) -> Array:
     states[:, places] += seen[:, places] - read
     states[:, speeds] = seen[:, speeds]
     return states
-
-
-def _unexplained(fit: Fit, left: Array) -> float:
-    """Chi2 of columns beside the initial states, ``(S, M)``, that no change of the parameters of a fit makes either."""
-    assert fit.design is not None
-    if fit.columns is None or not fit.columns.any() or not np.isfinite(left).all():
-        return float((left**2).sum())
-    moved = np.stack([_beside(fit.design, column) for column in np.moveaxis(fit.columns, -1, 0)], axis=-1)
-    moved = moved.reshape(-1, moved.shape[-1])
-    best = np.linalg.lstsq(moved, left.ravel(), rcond=None)[0]
-    return float(((left.ravel() - moved @ best) ** 2).sum())
-
-
-def _beside(design: Array, white: Array) -> Array:
-    """What some derivatives ``(S, M, n)`` do not make of whitened columns ``(S, M)``."""
-    basis, _ = np.linalg.qr(design[..., design.any(axis=(0, 1))])
-    return np.asarray(white - np.einsum("smn,sn->sm", basis, np.einsum("smn,sm->sn", basis, white)))

@@ -7,11 +7,12 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from torch_activegp.diagnosis.inputs.runs import Array
 from torch_activegp.diagnosis.inputs.segments import Segments
 from torch_activegp.diagnosis.noise.model import NoiseModel
-from torch_activegp.diagnosis.preparation.agreement import Rival, bar, distinct, first_close, same, settled, unabsorbed
+from torch_activegp.diagnosis.preparation.agreement import bar, first_close, same, settled, unabsorbed
 from torch_activegp.diagnosis.preparation.brief_pieces import left_in_brief
+from torch_activegp.diagnosis.preparation.late import LIKE_A_TIME_STEP, Sets, otherwise_late, without_delays
+from torch_activegp.diagnosis.preparation.rivals import Rival, distinct, said_by_one
 from torch_activegp.diagnosis.preparation.telling import CREEPS, enough, telling
 from torch_activegp.diagnosis.shooting.fit import Fit
 from torch_activegp.diagnosis.shooting.likelihood import Shooting
@@ -19,7 +20,6 @@ from torch_activegp.diagnosis.shooting.score import NOISE_ALONE
 from torch_activegp.diagnosis.simulation.calm import is_abrupt
 from torch_activegp.diagnosis.simulation.engine import Engine
 from torch_activegp.diagnosis.simulation.forms import Forms
-from torch_activegp.physics.effect import Effect
 
 _PRICE = 20.0
 _FINEST = 2.0
@@ -40,36 +40,13 @@ _ABOUT = 1.2
 """Where the fine form leaves at most so many times what the closest one does before they are fitted, it comes first."""
 _GLANCE, _NO_FARTHER = 6, 1.1
 """Segments on which the model's own integrator is tried in steps of several lengths, and how much more than the other
-forms the best may leave there to be fitted; where something touches, any form than the best one in brief pieces."""
+forms the best may leave there to be fitted, no more where much is left; where something touches, any form than the best
+one in brief pieces."""
 _FEW_STEPS = 4.0
 """What comes late by fewer time steps is seen in shorter ones too: behind steps of 5 ms a lag of 3 ms was a delay."""
-_LIKE_A_TIME_STEP = frozenset({"actuator_delay", "actuator_lag", "sensor_delay"})
 
 
-Sets = Sequence[tuple[Sequence[Effect], Sequence[Array]]]
 Known = tuple[Engine, Shooting]
-
-
-def _without_delays(sets: Sets) -> list[tuple[tuple[Effect, ...], tuple[Array, ...]]]:
-    """The same sets without what a wrong time step looks like."""
-    out = []
-    for effects, values in sets:
-        kept = [(e, v) for e, v in zip(effects, values, strict=True) if e.name not in _LIKE_A_TIME_STEP]
-        if len(kept) < len(effects):
-            out.append((tuple(e for e, _ in kept), tuple(v for _, v in kept)))
-    return out
-
-
-def _otherwise_late(sets: Sets) -> list[tuple[tuple[Effect, ...], tuple[Array, ...]]]:
-    """Those of some sets that differ from the first one only in how or where something comes late."""
-
-    def rest(effects: Sequence[Effect]) -> frozenset[Effect]:
-        return frozenset(effect for effect in effects if effect.name not in _LIKE_A_TIME_STEP)
-
-    first = sets[0][0] if sets else ()
-    if len(rest(first)) == len(first):
-        return []
-    return [(tuple(e), tuple(v)) for e, v in sets[1:] if rest(e) == rest(first) and len(e) > len(rest(e))]
 
 
 class Numerics(Forms):
@@ -108,7 +85,7 @@ class Numerics(Forms):
         longest = max(competing, key=lambda form: form.steps_in(segments))
         first, which = whole.subset(enough(longest, segments))
         rough = self._rough(first, near.pick(which), sets[:1])
-        trials = [*_without_delays(sets[:1]), *_otherwise_late(sets)]
+        trials = [*without_delays(sets[:1]), *otherwise_late(sets)]
         engine, working, judged = self._race(competing, first, rough, trials, whole.dof, known)
         if known is not None and engine is known[0] and judged.effects == near.effects:
             return *known, nominal, near
@@ -157,8 +134,10 @@ class Numerics(Forms):
         results: list[tuple[float, Engine, Shooting, Fit]] = []
         share, least = first.dof / dof, np.inf
         rivals = sorted(self._rivals(competing, first, rough), key=lambda one: self._dear(one.engine, first, known))
-        smooth = not self.stiff and not any(is_abrupt(e) or e.name == "joint_stop" for e in rough.effects)
-        rivals = distinct(rivals, first, rough) if smooth else rivals  # what strikes ends elsewhere by forms alike
+        strikes = self.stiff or any(e.name == "joint_stop" for e in rough.effects)
+        smooth = not strikes and not any(is_abrupt(e) for e in rough.effects)
+        if not strikes:  # what does ends elsewhere by forms that are alike
+            rivals = distinct(rivals, first, rough, not smooth)
         close = _ABOUT * min(rival.left for rival in rivals)
         for rival in sorted(rivals, key=lambda one: (one.engine is not self.fine or one.left > close, one.left)):
             lost = _LOST * least if least < _NEAR * first.dof else np.inf
@@ -192,16 +171,23 @@ class Numerics(Forms):
             near = [form for form, chi2 in leaves.items() if chi2 <= _NO_FARTHER * min(leaves.values())]
             return [dataclasses.replace(Rival.at(first, form, rough), left=leaves[form]) for form in near]
         rivals = [Rival.at(first, form, rough) for form in competing]
-        return rivals + self._own_rivals(own, first, rough, min(rival.left for rival in rivals))
+        return rivals + self._own_rivals(own, first, rough, rivals) if own else rivals
 
-    def _own_rivals(self, own: Sequence[Engine], first: Shooting, rough: Fit, left: float) -> list[Rival]:
-        """The one of some forms that comes closest, where none of chi2 `left` is closer by far."""
-        if not own:
-            return []
-        few, which = first.subset(_GLANCE / first.segments.size)
-        closest = min(own, key=lambda form: Rival.at(few, form, rough.pick(which)).left)
+    def _own_rivals(self, own: Sequence[Engine], first: Shooting, rough: Fit, rivals: Sequence[Rival]) -> list[Rival]:
+        """The one of some forms, in steps of several lengths, that comes closest, where no other is closer by far."""
+        left = min(rival.left for rival in rivals)
+        least = _NO_FARTHER * left
+        if any(is_abrupt(effect) for effect in rough.effects) or self.firm is not None:
+            few, which = first.subset(_GLANCE / first.segments.size)
+            closest = min(own, key=lambda form: Rival.at(few, form, rough.pick(which)).left)
+        else:
+            said = said_by_one(own, rivals, self.fine, first, rough)
+            likely = min(said, key=lambda rival: rival.left, default=None)
+            if likely is None or likely.left >= (left if left > _MUCH * first.dof else least):
+                return []
+            closest = likely.engine
         found = Rival.at(first, closest, rough)
-        return [found] if found.left < _NO_FARTHER * left else []
+        return [found] if found.left < least else []
 
     def _cost(self, engine: Engine, fit: Fit, chi2: float, dof: int) -> float:
         """What a fit leaves, with what its parameters and its form must be worth."""
@@ -219,7 +205,7 @@ class Numerics(Forms):
         """
         step = float(np.median(segments.dt)) / self.fine.substeps
         pairs = [pair for effects, values in sets for pair in zip(effects, values, strict=True)]
-        late = any(effect.name in _LIKE_A_TIME_STEP and value[0] < _FEW_STEPS * step for effect, value in pairs)
+        late = any(effect.name in LIKE_A_TIME_STEP and value[0] < _FEW_STEPS * step for effect, value in pairs)
         short = loud or late or any(effect.needs_steps for effect, _ in pairs)
         held = (self.finest, self.leapt) if short else ()
         forms = (self.given, self.fine, self.firm, self.firm_leapt, *(known[:1] if known else ()), *held)
@@ -246,7 +232,7 @@ class Numerics(Forms):
         if exact is not None and not np.isfinite(exact.chi2):
             return precise, exact
         forms = list(dict.fromkeys((working.engine, self.stand_in(engine), engine)))
-        return first_close(precise, forms, exact or begin, exact)
+        return first_close(precise, forms, exact or begin, exact, known=working.engine)
 
     def _cheap_ones(self, rival: Rival, precise: Shooting, rough: Fit) -> list[Engine]:
         """What may stand in for an engine, the engine itself last: first the cheapest that is close where they begin.

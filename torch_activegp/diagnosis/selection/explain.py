@@ -14,9 +14,10 @@ from torch_activegp.diagnosis.noise.floor import noise_floor
 from torch_activegp.diagnosis.noise.model import NoiseModel
 from torch_activegp.diagnosis.preparation.brief_pieces import closest
 from torch_activegp.diagnosis.preparation.given_numerics import GivenNumerics
+from torch_activegp.diagnosis.preparation.late import Sets
 from torch_activegp.diagnosis.preparation.lengths import Lengths, longest
 from torch_activegp.diagnosis.preparation.noise_left import noise_behind, raised
-from torch_activegp.diagnosis.preparation.numerics import Numerics, Sets
+from torch_activegp.diagnosis.preparation.numerics import Numerics
 from torch_activegp.diagnosis.preparation.telling import CREEPS
 from torch_activegp.diagnosis.selection.compared import Selection
 from torch_activegp.diagnosis.selection.corrections import correct_alike

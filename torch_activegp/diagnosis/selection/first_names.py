@@ -10,8 +10,9 @@ from numpy.typing import NDArray
 
 from torch_activegp.diagnosis.inputs.machine import Machine
 from torch_activegp.diagnosis.noise.model import NoiseModel
+from torch_activegp.diagnosis.preparation.late import Sets
 from torch_activegp.diagnosis.preparation.lengths import nominal_in_brief
-from torch_activegp.diagnosis.preparation.numerics import Numerics, Sets
+from torch_activegp.diagnosis.preparation.numerics import Numerics
 from torch_activegp.diagnosis.selection.compared import Selection
 from torch_activegp.diagnosis.selection.prospects import hopeless, leaves_most
 from torch_activegp.diagnosis.selection.search import Depth, select

@@ -1,4 +1,4 @@
-"""A machine that strikes something now and then: longer time steps wherever nothing touches."""
+"""Longer time steps wherever nothing happens within one: on a machine that strikes now and then, or never."""
 
 from __future__ import annotations
 
@@ -20,6 +20,8 @@ _MOST_ROWS = 4000
 _AROUND = 2
 """Rows before and after one in which something touches that count as touched."""
 _DRY = frozenset({"coulomb_friction", "asymmetric_friction", "stribeck_friction"})
+_WITHIN = frozenset({"joint_stop", "actuator_delay", "actuator_lag"})
+"""What strikes, and what changes a control between two rows, which a long step takes the mean of."""
 
 
 class CalmEngine(Engine):
@@ -34,6 +36,7 @@ class CalmEngine(Engine):
         calm: the same elsewhere.
         nthread: threads; 0 for all cores.
         integrator: as for an engine.
+        contacts: whether bodies may touch in the longer steps.
     """
 
     def __init__(
@@ -44,15 +47,16 @@ class CalmEngine(Engine):
         calm: int,
         nthread: int = 0,
         integrator: int | None = None,
+        contacts: bool = True,
     ) -> None:
         super().__init__(model, channels, substeps, nthread, integrator)
-        self._calm = Engine(model, channels, calm, nthread, integrator)
+        self._calm = Engine(model, channels, calm, nthread, integrator, contacts=contacts)
         self._wide = widened(model)
         self._known: dict[int, tuple[Run, NDArray[np.int64]]] = {}
 
     def _simulate(self, segments: Segments, starts: Array, candidates: Sequence[Candidate]) -> Array:
         touched = self.touched(segments)
-        if touched.all() or any(is_abrupt(effect) for candidate in candidates for effect in candidate.effects):
+        if touched.all() or any(self.wants_steps(effect) for some in candidates for effect in some.effects):
             return super()._simulate(segments, starts, candidates)
         self._calm.filters, self._calm.work = self.filters, 0.0
         size = len(candidates), segments.size, segments.intervals + 1, self.state_size
@@ -68,6 +72,10 @@ class CalmEngine(Engine):
         """Time steps of one simulation of some segments by effects that want no short steps themselves."""
         part = float(self.touched(segments).mean())
         return part * super().steps_in(segments) + (1.0 - part) * self._calm.steps_in(segments)
+
+    def wants_steps(self, effect: Effect) -> bool:
+        """Whether an effect wants the short steps everywhere."""
+        return is_abrupt(effect)
 
     def touched(self, segments: Segments) -> NDArray[np.bool_]:
         """In which segments something touches, ``(S,)``."""
@@ -89,6 +97,27 @@ class CalmEngine(Engine):
                 near[max(row - apart - _AROUND, 0) : row + apart + _AROUND + 1] = True
             self._known[id(run)] = run, np.concatenate([[0], np.cumsum(near)])
         return self._known[id(run)][1]
+
+
+class SmoothEngine(CalmEngine):
+    """An engine of a machine that touches nothing and does not stick, in fewer time steps than it is asked for.
+
+    With effects that strike, stick or act within a step it takes all of them; so it does where a long step fails.
+    """
+
+    def _simulate(self, segments: Segments, starts: Array, candidates: Sequence[Candidate]) -> Array:
+        states = super()._simulate(segments, starts, candidates)
+        if np.isfinite(states).all():
+            return states
+        return Engine._simulate(self, segments, starts, candidates)
+
+    def touched(self, segments: Segments) -> NDArray[np.bool_]:
+        """In which segments something touches, ``(S,)``: in none."""
+        return np.zeros(segments.size, dtype=bool)
+
+    def wants_steps(self, effect: Effect) -> bool:
+        """Whether an effect wants the short steps."""
+        return is_abrupt(effect) or effect.name in _WITHIN
 
 
 def is_abrupt(effect: Effect) -> bool:

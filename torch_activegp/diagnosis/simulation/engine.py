@@ -114,6 +114,11 @@ class Engine:
         """Positions and velocities: the free part of an initial state."""
         return int(self.model.nq + self.model.nv)
 
+    @property
+    def scheme(self) -> tuple[bool, int]:
+        """How it integrates, whatever the steps."""
+        return self.late, int(self.model.opt.integrator)
+
     def steps_in(self, segments: Segments) -> float:
         """Time steps of one simulation of some segments, at most; those of Runge-Kutta count four times."""
         return float((-(-segments.lengths // self.stride)).sum()) * self._steps_in_a_row

@@ -14,7 +14,7 @@ import numpy as np
 from torch_activegp.diagnosis.inputs.machine import Machine
 from torch_activegp.diagnosis.inputs.runs import Run, median_step
 from torch_activegp.diagnosis.inputs.segments import cut
-from torch_activegp.diagnosis.simulation.calm import CalmEngine
+from torch_activegp.diagnosis.simulation.calm import CalmEngine, SmoothEngine
 from torch_activegp.diagnosis.simulation.candidate import NOMINAL
 from torch_activegp.diagnosis.simulation.engine import IMPLICIT_FAST, Engine, substeps_for
 from torch_activegp.diagnosis.simulation.leapfrog import is_of_second_order
@@ -47,6 +47,9 @@ _TOUCHING = 0.01
 _COMPARED, _AGREES = 12, 0.1
 """Segments on which a form with long steps is compared with the one without, and by what part of the noise it may
 differ."""
+_SMOOTH_STEPS, _SAME = (0.01, 0.005), 0.01
+"""Steps of Runge-Kutta that may be enough where nothing touches or sticks, s, and by what part of the noise they may be
+off. In steps of 1 ms as the model's own it took a third of the time of a double pendulum's diagnosis."""
 _SELDOM = 0.3
 """What touches in fewer poses strikes now and then: more time steps are wanted there alone."""
 
@@ -108,6 +111,9 @@ class Forms:
             striking = functools.partial(CalmEngine, channels=machine.channels, calm=few, nthread=nthread)
         same = model.opt.integrator == RUNGE_KUTTA and often == plain and not given.filters
         fine = given if same else make(model, substeps=often, integrator=RUNGE_KUTTA)
+        if free and not (tied or given.filters or model.na or model.dof_frictionloss.any()):
+            fine = _in_long_steps(fine, model, machine, nthread)
+            given = fine if same else given
         if striking is not make and not same:
             calm = striking(model, substeps=often, integrator=RUNGE_KUTTA)
             fine = calm if _agrees(calm, fine, machine.fit) else fine
@@ -157,6 +163,16 @@ class Forms:
         return engine in (self.firm, self.firm_leapt)
 
 
+def _in_long_steps(plain: Engine, model: mujoco.MjModel, machine: Machine, nthread: int) -> Engine:
+    """An engine by Runge-Kutta in the longest steps that do the same, for effects that are smooth; or itself."""
+    step, integrator = median_step(machine.fit), int(plain.model.opt.integrator)
+    make = functools.partial(Engine, model, machine.channels, nthread=nthread, integrator=integrator, contacts=False)
+    for calm in (_steps(step, longest) for longest in _SMOOTH_STEPS):
+        if calm < plain.substeps and _agrees(make(substeps=calm), plain, machine.fit, _SAME):
+            return SmoothEngine(model, machine.channels, plain.substeps, calm, nthread, integrator, contacts=False)
+    return plain
+
+
 def _held(
     make: Make, model: mujoco.MjModel, step: float, often: int, leaps: bool, second: bool, free: bool
 ) -> dict[str, Engine | None]:
@@ -198,14 +214,14 @@ def _touching(machine: Machine) -> float:
     return float(np.concatenate(seen).mean())
 
 
-def _agrees(calm: Engine, plain: Engine, runs: Sequence[Run]) -> bool:
+def _agrees(calm: Engine, plain: Engine, runs: Sequence[Run], least: float = _AGREES) -> bool:
     """Whether an engine that takes few steps now and then does what another one does, to a part of the noise."""
     segments = cut(runs, 1.0, 0.0)
     segments = segments.pick(np.unique(np.linspace(0, segments.size - 1, _COMPARED).astype(np.int64)))
     starts = plain.starts(segments)[None]
     one, other = (engine.predict(segments, starts, [NOMINAL]) for engine in (calm, plain))
     noise = np.mean([run.noise for run in runs], axis=0)
-    return bool(np.isfinite(one).all() and (np.abs(one - other) < _AGREES * noise).all())
+    return bool(np.isfinite(one).all() and (np.abs(one - other) < least * noise).all())
 
 
 def _steps(interval: float, longest: float) -> int:

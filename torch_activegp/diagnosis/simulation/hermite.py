@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-import itertools
+import numpy as np
 
 from torch_activegp.diagnosis.inputs.runs import Array
 
@@ -27,12 +27,21 @@ def velocity_between(x: Array, h: Array | float, p: Array, q: Array, v: Array, w
 
 
 def fill_rows(states: Array, edges: list[int], dt: Array, nq: int) -> None:
-    """Fills rows between time steps by cubic Hermite interpolation, in place."""
-    for row, after in itertools.pairwise(edges):
-        begin, end = states[:, row], states[:, after]
-        h = dt[:, row:after].sum(axis=1)[:, None]
-        for between in range(row + 1, after):
-            x = dt[:, row:between].sum(axis=1)[:, None] / h
-            ends = begin[:, :nq], end[:, :nq], begin[:, nq:], end[:, nq:]
-            states[:, between, :nq] = position_between(x, h, *ends)
-            states[:, between, nq:] = velocity_between(x, h, *ends)
+    """Fills rows between time steps by cubic Hermite interpolation, in place.
+
+    Args:
+        states: ``(R, K + 1, nq + nv)``, known at the edges.
+        edges: rows at which time steps begin and end, E + 1 of them.
+        dt: between rows, ``(R, K)``, s.
+        nq: number of positions.
+    """
+    begin, end = np.asarray(edges[:-1]), np.asarray(edges[1:])
+    time = np.pad(np.cumsum(dt, axis=1), ((0, 0), (1, 0)))[..., None]
+    for ahead in range(1, int((end - begin).max())):
+        inside = begin + ahead < end
+        first, last = begin[inside], end[inside]
+        row, h = first + ahead, time[:, last] - time[:, first]
+        x, one, other = (time[:, row] - time[:, first]) / h, states[:, first], states[:, last]
+        ends = one[..., :nq], other[..., :nq], one[..., nq:], other[..., nq:]
+        states[:, row, :nq] = position_between(x, h, *ends)
+        states[:, row, nq:] = velocity_between(x, h, *ends)

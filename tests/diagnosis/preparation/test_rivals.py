@@ -1,0 +1,52 @@
+from __future__ import annotations
+
+import dataclasses
+
+import numpy as np
+import pytest
+
+from torch_activegp.diagnosis.preparation.rivals import Rival, distinct
+from torch_activegp.diagnosis.simulation.engine import Engine
+
+
+@pytest.fixture
+def forms(clean):
+    """The same model in one, two and four steps between rows."""
+    return [Engine(clean.engine.model, clean.engine.channels, steps, 1) for steps in (1, 2, 4)]
+
+
+def test_a_rival_is_judged_by_what_no_initial_state_takes_away(clean, forms) -> None:
+    fit = clean.shooting.fit([((), ())], clean.nominal.starts)[0]
+    rival = Rival.at(clean.shooting, forms[-1], fit)
+    white = clean.shooting.residuals(rival.exact)
+    assert 0.0 < rival.left < float((white**2).sum())
+    moved = dataclasses.replace(fit, starts=fit.starts + 1e-4)
+    assert Rival.at(clean.shooting, forms[-1], moved).left == pytest.approx(rival.left, rel=0.01)
+
+
+def test_nor_what_a_parameter_would_take_away(bench) -> None:
+    """To first order: what viscous friction explains is left to a fit without it, and not to one with hardly any."""
+    without = bench.shooting.fit([((), ())], bench.nominal.starts)[0]
+    hardly = bench.shooting.fit([((bench.effect("viscous_friction"),), (np.array([1e-6]),))], without.starts, rounds=0)[
+        0
+    ]
+    assert hardly.columns is not None
+    rivals = [Rival.at(bench.shooting, bench.engine, fit) for fit in (without, hardly)]
+    assert [rival.left / bench.shooting.dof > 5.0 for rival in rivals] == [True, True]
+    assert rivals[0].least == rivals[0].left
+    assert rivals[1].least / bench.shooting.dof == pytest.approx(1.0, abs=0.3)
+
+
+def test_of_rivals_that_nothing_tells_apart_the_first_is_kept(clean, forms) -> None:
+    fit = clean.shooting.fit([((), ())], clean.nominal.starts)[0]
+    one = Rival.at(clean.shooting, forms[0], fit)
+    begun = fit.design.reshape(*one.exact.shape, -1)[..., 0] * clean.noise
+    alike = dataclasses.replace(one, exact=one.exact + 5.0 * begun)  # but for other initial states
+    other = dataclasses.replace(one, exact=one.exact + clean.noise * np.random.default_rng(0).normal(size=begun.shape))
+    assert distinct([one, alike, other], clean.shooting, fit) == [one, other]
+    assert distinct([alike, other, one], clean.shooting, fit) == [alike, other]
+    rest = clean.noise * np.random.default_rng(1).normal(size=begun.shape)
+    size = np.sqrt(0.5 / Rival.saying(clean.segments.position - rest, forms[0], clean.shooting, fit).left)
+    hardly = dataclasses.replace(one, exact=one.exact + size * rest)  # by 0.5 of chi2: too much where something sticks
+    for abrupt in (False, True):
+        assert (hardly in distinct([one, hardly], clean.shooting, fit, abrupt)) is abrupt
