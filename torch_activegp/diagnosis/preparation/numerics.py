@@ -40,8 +40,8 @@ _ABOUT = 1.2
 """Where the fine form leaves at most so many times what the closest one does before they are fitted, it comes first."""
 _GLANCE, _NO_FARTHER = 6, 1.1
 """Segments on which the model's own integrator is tried in steps of several lengths, and how much more than the other
-forms the best may leave there to be fitted, no more where much is left; where something touches, any form than the best
-one in brief pieces."""
+forms the best may leave there to be fitted; it must be better where much is left, by what it costs; where something
+touches, any form than the best one in brief pieces."""
 _FEW_STEPS = 4.0
 """What comes late by fewer time steps is seen in shorter ones too: behind steps of 5 ms a lag of 3 ms was a delay."""
 
@@ -176,14 +176,14 @@ class Numerics(Forms):
     def _own_rivals(self, own: Sequence[Engine], first: Shooting, rough: Fit, rivals: Sequence[Rival]) -> list[Rival]:
         """The one of some forms, in steps of several lengths, that comes closest, where no other is closer by far."""
         left = min(rival.left for rival in rivals)
-        least = _NO_FARTHER * left
+        least = left * (_NO_FARTHER if left < _MUCH * first.dof else 1.0 - _DISCRETE)
         if any(is_abrupt(effect) for effect in rough.effects) or self.firm is not None:
             few, which = first.subset(_GLANCE / first.segments.size)
             closest = min(own, key=lambda form: Rival.at(few, form, rough.pick(which)).left)
         else:
             said = said_by_one(own, rivals, self.fine, first, rough)
             likely = min(said, key=lambda rival: rival.left, default=None)
-            if likely is None or likely.left >= (left if left > _MUCH * first.dof else least):
+            if likely is None or likely.left >= least:
                 return []
             closest = likely.engine
         found = Rival.at(first, closest, rough)

@@ -176,15 +176,15 @@ def _start(
         tell("naming on a part of the data")
         naming = on_a_part(naming, numerics, noise, effects, tell)
         engine, shooting, nominal, judged = naming.engine, naming.shooting, naming.nominal, naming.judged
-        sets, lost = naming.sets, naming.lost
+        sets, astray = naming.sets, naming.lost or naming.in_vain
         used = shooting.segments
         near = long.halved and bool(used.far_off(nominal.per_segment, _FAR / 4).any())
         fewer = longest(machine, numerics, noise, _TOO_FAR, long) if near else long
         longer = fewer.segments.size < segments.size
         if longer:
             used, nominal = fewer.segments, fewer.nominal
-        if longer or (naming.best != frozenset(judged.effects) and not lost):
-            engine, shooting, nominal, judged = numerics.choose(used, noise, nominal, nominal, [] if lost else sets)
+        if longer or (naming.best != frozenset(judged.effects) and not astray):
+            engine, shooting, nominal, judged = numerics.choose(used, noise, nominal, nominal, [] if astray else sets)
     return _Start(engine, shooting, nominal, besides(sets, judged), judged, naming.free, noise, naming.in_vain)
 
 

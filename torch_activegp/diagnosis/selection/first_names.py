@@ -29,10 +29,13 @@ _ENOUGH = 600.0
 _LEADS = 10.0
 """Times the noise that names found in brief pieces may leave to lead anywhere. What a machine remembers for longer, as
 where in its gap a motor was, is not in them: a backlash left 68 times the noise, and what came on top led astray."""
-_GLANCE = Depth(rounds=1, stepwise=False)
+_WORK, _MORE = 8e6, 4e6
+"""Time steps for the first names: those that ended right took 7.5 million at most, where nothing strikes."""
+_GLANCE = Depth(rounds=1, stepwise=False, work=_WORK, more=_MORE)
 """For names behind which numerics are chosen: under the wrong ones, names one after another are wrong too. On an arm in
 steps of 5 ms they took 60 s behind a backlash, and were delays of half a step."""
-
+_ON_A_PART = Depth(swaps=0, work=_WORK, more=_MORE)
+"""Swaps come with all data."""
 _MUCH = 2.0
 """Times the noise."""
 
@@ -119,7 +122,7 @@ def on_a_part(
             rough, there = nominal.pick(which), judged.pick(which)
             seen = part.fit([(there.effects, there.values)], there.starts, near=there)[0]
         others = besides(sets, seen)
-        chosen = select(part, effects, rough, others, seen, tell, free, Depth(swaps=0))  # swaps come with all data
+        chosen = select(part, effects, rough, others, seen, tell, free, _ON_A_PART)
     best, lost = frozenset(chosen.best.effects), hopeless(chosen, part)
     in_vain = chosen.cut_short and chosen.score.scale > _MUCH
     return dataclasses.replace(
