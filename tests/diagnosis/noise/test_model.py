@@ -2,6 +2,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from scipy.signal import lfilter
 
 from torch_activegp.diagnosis.inputs.segments import cut
 from torch_activegp.diagnosis.noise.model import NoiseModel, colour_family
@@ -92,3 +93,13 @@ def test_unwhitening_is_the_transpose_of_whitening(make_plain_run, poles) -> Non
     white = rng.normal(size=model.whiten(segments, residual).shape)
     along = (model.whiten(segments, residual) * white).sum()
     assert (residual * model.unwhiten(segments, white)).sum() == pytest.approx(along, rel=1e-12)
+
+
+def test_slow_errors_of_a_colour_are_louder_than_what_is_new_in_them() -> None:
+    noise = NoiseModel(np.array([1.0, 2.0, 1.0]), np.array([[0.0, 0.0], [0.6, 0.0], [0.5, 0.3]]))
+    rng = np.random.default_rng(0)
+    for channel, (first, second) in enumerate(noise.colour):
+        fresh = noise.innovation[channel] * rng.normal(size=400_000)
+        seen = lfilter([1.0], [1.0, -first, -second], fresh)
+        slow = seen.reshape(-1, 400).mean(axis=1).std() * 20.0  # the mean of so many values, times their root
+        assert noise.slow[channel] == pytest.approx(slow, rel=0.06)

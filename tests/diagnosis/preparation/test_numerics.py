@@ -32,6 +32,16 @@ def test_recordings_of_the_model_itself_keep_its_own_time_step(clean) -> None:
     assert engine is made.given
 
 
+def test_a_form_that_was_taken_before_may_be_the_only_one(clean) -> None:
+    made = Numerics.of(clean.integrated("Euler", 0.01), 1)
+    shooting = truth_of(clean, made, "fine", 0.1)
+    nominal = shooting.fit([((), ())], clean.nominal.starts)[0]
+    before = [form.work for form in made.own]
+    engine, *_ = made.choose(shooting.segments, shooting.noise, nominal, nominal, only=made.given)
+    assert engine is made.given  # though the recordings are nearly continuous in time
+    assert [form.work for form in made.own] == before
+
+
 @pytest.mark.parametrize(("number", "cost"), [(0, 2), (3, 10)])
 def test_a_simulation_by_the_models_integrator_in_shorter_steps_is_found(clean, number: int, cost: int) -> None:
     """In 5 ms or in 1 ms for 10 ms; the controls of either come half a step early, which no other form has."""

@@ -10,13 +10,15 @@ import torch
 
 from tests.diagnosis.conftest import make_bench
 from torch_activegp.diagnosis import diagnose
+from torch_activegp.diagnosis.inputs.segments import halve
 from torch_activegp.diagnosis.noise.model import NoiseModel
 from torch_activegp.diagnosis.preparation.lengths import Lengths
 from torch_activegp.diagnosis.preparation.numerics import Numerics
 from torch_activegp.diagnosis.selection import explain as module
-from torch_activegp.diagnosis.selection.explain import _Start, _with_noise, explain
+from torch_activegp.diagnosis.selection.explain import _Start, _start, _with_noise, explain
 from torch_activegp.diagnosis.selection.first_names import besides, on_a_part
 from torch_activegp.diagnosis.selection.search import Depth, select
+from torch_activegp.diagnosis.shooting.likelihood import Shooting
 from torch_activegp.errors import SimulationError
 from torch_activegp.simulators import FunctionSimulator
 
@@ -85,7 +87,7 @@ def test_numerics_are_judged_again_by_another_noise_only_where_it_is_clearly_ano
     floor = NoiseModel.white(np.array([high * bench.noise]))
     monkeypatch.setattr("torch_activegp.diagnosis.selection.explain.noise_floor", lambda runs: floor)
     behind, choose = [], Numerics.choose
-    monkeypatch.setattr(Numerics, "choose", lambda *a: behind.append(len(a) > 5 and bool(a[5])) or choose(*a))
+    monkeypatch.setattr(Numerics, "choose", lambda *a, **k: behind.append(len(a) > 5 and bool(a[5])) or choose(*a, **k))
     found = explain(bench.machine, some(bench), 1)
     assert sum(behind) == anew
     assert found.selection.best.keys == {("viscous_friction", "joint:hip")}
@@ -98,7 +100,7 @@ def test_numerics_are_judged_again_by_another_noise_only_where_it_is_clearly_ano
     [
         ([0.8], 0.0, "viscous_friction", False, 0),
         ([0.8, 0.6], 0.0, "viscous_friction", False, 1),
-        ([0.8], 0.4, "viscous_friction", False, 1),
+        ([1.0], 0.4, "viscous_friction", False, 1),
         ([0.8], 0.0, "quadratic_drag", False, 1),
         ([0.8], 0.0, "viscous_friction", True, 1),
     ],
@@ -106,7 +108,7 @@ def test_numerics_are_judged_again_by_another_noise_only_where_it_is_clearly_ano
 def test_numerics_are_kept_for_much_the_same_noise_behind_the_same_set(
     bench, monkeypatch, steps, colour, lead, far, anew
 ) -> None:
-    """Not for noise that became another one little by little, of another colour, or where segments are too far off."""
+    """Not for noise that became another one little by little, is slower, or where segments are too far off."""
     numerics, first = Numerics.of(bench.machine, 1), bench.fit("viscous_friction", 0.05)
     engine, shooting, noise = numerics.fine, bench.shooting, bench.shooting.noise
     start = _Start(engine, shooting, bench.nominal, [], first, frozenset(), noise)
@@ -148,11 +150,37 @@ def test_numerics_are_not_looked_at_behind_names_that_leave_most_of_the_mismatch
     if not lost:
         monkeypatch.setattr("torch_activegp.diagnosis.selection.first_names.hopeless", lambda *_: False)
     behind, choose = [], Numerics.choose
-    monkeypatch.setattr(Numerics, "choose", lambda *a: behind.append(len(a) > 5 and bool(a[5])) or choose(*a))
+    monkeypatch.setattr(Numerics, "choose", lambda *a, **k: behind.append(len(a) > 5 and bool(a[5])) or choose(*a, **k))
     tried = [effect for effect in bumpy.effects if effect.name == "payload_mass"]
     found = explain(bumpy.machine, tried, 1)
     assert found.selection.best.effects
     assert sum(behind) == (0 if lost else 1)
+
+
+def test_the_form_is_kept_where_the_same_names_are_seen_in_longer_segments(bench, monkeypatch) -> None:
+    for name in ("_ENOUGH", "FEWEST"):
+        monkeypatch.setattr(f"torch_activegp.diagnosis.selection.first_names.{name}", 1.0)
+    monkeypatch.setattr("torch_activegp.diagnosis.selection.first_names.NOISE_ALONE", 0.5)
+    monkeypatch.setattr("torch_activegp.diagnosis.selection.explain._FAR", 1.0)
+    whole = Lengths(bench.segments, bench.nominal, bench.nominal, bench.engine)
+    monkeypatch.setattr("torch_activegp.diagnosis.selection.explain.longest", lambda *_: whole)
+    noise, halves = bench.shooting.noise, halve(bench.segments, np.ones(bench.segments.size, dtype=bool))
+    shooting = Shooting(bench.engine, halves, noise)
+    brief = Lengths(halves, shooting.fit([((), ())], bench.engine.starts(halves))[0], bench.nominal, bench.engine)
+    chosen, choose = [], Numerics.choose
+
+    def listen(*args, **kwargs):
+        found = choose(*args, **kwargs)
+        chosen.append((kwargs.get("only"), found[0]))
+        return found
+
+    monkeypatch.setattr(Numerics, "choose", listen)
+    start = _start(bench.machine, Numerics.of(bench.machine, 1), noise, some(bench), brief, lambda _: None)
+    assert start.shooting.segments.size == bench.segments.size
+    assert start.first.keys == {("viscous_friction", "joint:hip")}
+    *before, last = chosen
+    assert [only for only, _ in before] == [None] * len(before)
+    assert last[0] is last[1] is before[-1][1]
 
 
 def test_what_is_weak_is_looked_for_by_the_numerics_seen_behind_the_names(bench, monkeypatch) -> None:

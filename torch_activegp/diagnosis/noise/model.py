@@ -41,6 +41,11 @@ class NoiseModel:
         ratio = (1 + second) * ((1 - second) ** 2 - first**2) / (1 - second)
         return self.scale * np.sqrt(np.maximum(ratio, 1e-12))
 
+    @property
+    def slow(self) -> Array:
+        """What is new in slow errors: that of white noise as loud as they are, ``(C,)``."""
+        return self.innovation / np.maximum(1.0 - self.colour.sum(axis=1), 1e-6)
+
     def whiten(self, segments: Segments, residual: Array) -> Array:
         """Residuals in units of white noise, zero where they do not count.
 

@@ -65,6 +65,7 @@ class Numerics(Forms):
         nominal: Fit,
         sets: Sets = (),
         known: Known | None = None,
+        only: Engine | None = None,
     ) -> tuple[Engine, Shooting, Fit, Fit]:
         """Takes the form under which the first of some sets, or the nominal, fits better.
 
@@ -75,18 +76,21 @@ class Numerics(Forms):
             nominal: a fit of the nominal model to begin from.
             sets: effects and first guesses; the nominal model where there are none.
             known: an engine under which ``near`` is the fit of the first set already, and its likelihood.
+            only: the form that was taken behind the set already, where only the segments are others.
 
         Returns:
             The precise engine; the likelihood to compare sets with, over fewer segments where these tell enough; the
             nominal's fit; the first set's.
         """
         loud = known is not None and near.chi2 > NOISE_ALONE * known[1].dof
-        whole, competing = Shooting(self.coarse, segments, noise), self._forms(segments, sets[:1], known, loud)
+        whole = Shooting(self.coarse, segments, noise)
+        competing = self._forms(segments, sets[:1], known, loud) if only is None else [only]
         longest = max(competing, key=lambda form: form.steps_in(segments))
         first, which = whole.subset(enough(longest, segments))
         rough = self._rough(first, near.pick(which), sets[:1])
         trials = [*without_delays(sets[:1]), *otherwise_late(sets)]
-        engine, working, judged = self._race(competing, first, rough, trials, whole.dof, known)
+        rivals = self._rivals(competing, first, rough) if only is None else [Rival.at(first, only, rough)]
+        engine, working, judged = self._race(rivals, first, rough, trials, whole.dof, known)
         if known is not None and engine is known[0] and judged.effects == near.effects:
             return *known, nominal, near
         if first.segments.size < segments.size:
@@ -114,7 +118,7 @@ class Numerics(Forms):
 
     def _race(
         self,
-        competing: Sequence[Engine],
+        rivals: Sequence[Rival],
         first: Shooting,
         rough: Fit,
         trials: Sets,
@@ -124,7 +128,7 @@ class Numerics(Forms):
         """The precise form under which a set, or one of some others, fits best; likelihood and fit.
 
         Args:
-            competing: the forms.
+            rivals: the forms.
             first: the likelihood on a part of the segments.
             rough: a fit of the set there.
             trials: what may do as well as the set.
@@ -133,7 +137,7 @@ class Numerics(Forms):
         """
         results: list[tuple[float, Engine, Shooting, Fit]] = []
         share, least = first.dof / dof, np.inf
-        rivals = sorted(self._rivals(competing, first, rough), key=lambda one: self._dear(one.engine, first, known))
+        rivals = sorted(rivals, key=lambda one: self._dear(one.engine, first, known))
         strikes = self.stiff or any(e.name == "joint_stop" for e in rough.effects)
         smooth = not strikes and not any(is_abrupt(e) for e in rough.effects)
         if not strikes:  # what does ends elsewhere by forms that are alike

@@ -40,7 +40,7 @@ _TOO_FAR = 400.0
 _LED = 3.0
 """Times the noise up to which names found in brief pieces need no part of the data any more."""
 _LIKE = 1.5
-"""Numerics are not chosen again for noise of the same colour that differs by less than this factor."""
+"""Numerics are not chosen again for noise that differs by less than this factor, at any frequency."""
 _ANEW = 3
 """How often noise is taken anew behind what all data say."""
 _WHOLE, _IN_VAIN = Depth(), Depth(swaps=0, work=3e6, stepwise=False, more=2e6)
@@ -183,8 +183,10 @@ def _start(
         longer = fewer.segments.size < segments.size
         if longer:
             used, nominal = fewer.segments, fewer.nominal
-        if longer or (naming.best != frozenset(judged.effects) and not astray):
-            engine, shooting, nominal, judged = numerics.choose(used, noise, nominal, nominal, [] if astray else sets)
+        new = naming.best != frozenset(judged.effects)
+        if longer or (new and not astray):
+            sought, only = ([], None) if astray else (sets, None if new else engine)
+            engine, shooting, nominal, judged = numerics.choose(used, noise, nominal, nominal, sought, only=only)
     return _Start(engine, shooting, nominal, besides(sets, judged), judged, naming.free, noise, naming.in_vain)
 
 
@@ -264,6 +266,6 @@ def _refuse_failed(segments: Segments, nominal: Fit) -> None:
 
 
 def _alike(one: NoiseModel, other: NoiseModel) -> bool:
-    """Whether two noises are of the same colour in all channels, and about as loud."""
-    change = np.abs(np.log(one.innovation / other.innovation)).max()
-    return bool(np.array_equal(one.colour, other.colour) and change < np.log(_LIKE))
+    """Whether two noises are about as loud in all channels, in what is new and in what is slow."""
+    fast, slow = np.log(one.innovation / other.innovation), np.log(one.slow / other.slow)
+    return bool(max(np.abs(fast).max(), np.abs(slow).max()) < np.log(_LIKE))
