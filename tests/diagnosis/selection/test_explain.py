@@ -162,6 +162,7 @@ def test_the_form_is_kept_where_the_same_names_are_seen_in_longer_segments(bench
         monkeypatch.setattr(f"torch_activegp.diagnosis.selection.first_names.{name}", 1.0)
     monkeypatch.setattr("torch_activegp.diagnosis.selection.first_names.NOISE_ALONE", 0.5)
     monkeypatch.setattr("torch_activegp.diagnosis.selection.explain._FAR", 1.0)
+    monkeypatch.setattr("torch_activegp.diagnosis.selection.explain.noise_behind", lambda *_, **__: None)
     whole = Lengths(bench.segments, bench.nominal, bench.nominal, bench.engine)
     monkeypatch.setattr("torch_activegp.diagnosis.selection.explain.longest", lambda *_: whole)
     noise, halves = bench.shooting.noise, halve(bench.segments, np.ones(bench.segments.size, dtype=bool))
@@ -175,7 +176,9 @@ def test_the_form_is_kept_where_the_same_names_are_seen_in_longer_segments(bench
         return found
 
     monkeypatch.setattr(Numerics, "choose", listen)
-    start = _start(bench.machine, Numerics.of(bench.machine, 1), noise, some(bench), brief, lambda _: None)
+    start = _start(
+        bench.machine, Numerics.of(bench.machine, 1), noise, [bench.effect("viscous_friction")], brief, lambda _: None
+    )
     assert start.shooting.segments.size == bench.segments.size
     assert start.first.keys == {("viscous_friction", "joint:hip")}
     *before, last = chosen
