@@ -12,14 +12,14 @@ from torch_activegp.diagnosis.noise.model import NoiseModel
 from torch_activegp.diagnosis.preparation.agreement import bar, first_close, same, settled, unabsorbed
 from torch_activegp.diagnosis.preparation.brief_pieces import left_in_brief
 from torch_activegp.diagnosis.preparation.late import LIKE_A_TIME_STEP, Sets, otherwise_late, without_delays
-from torch_activegp.diagnosis.preparation.rivals import Rival, distinct, said_by_one
+from torch_activegp.diagnosis.preparation.rivals import Rival, closest_by_one, distinct
 from torch_activegp.diagnosis.preparation.telling import CREEPS, enough, telling
 from torch_activegp.diagnosis.shooting.fit import Fit
 from torch_activegp.diagnosis.shooting.likelihood import Shooting
 from torch_activegp.diagnosis.shooting.score import NOISE_ALONE
 from torch_activegp.diagnosis.simulation.calm import is_abrupt
 from torch_activegp.diagnosis.simulation.engine import Engine
-from torch_activegp.diagnosis.simulation.forms import Forms
+from torch_activegp.diagnosis.simulation.forms import FEW_SHORTER, Forms
 
 _PRICE = 20.0
 _FINEST = 2.0
@@ -183,15 +183,12 @@ class Numerics(Forms):
         least = left * (_NO_FARTHER if left < _MUCH * first.dof else 1.0 - _DISCRETE)
         if any(is_abrupt(effect) for effect in rough.effects) or self.firm is not None:
             few, which = first.subset(_GLANCE / first.segments.size)
-            closest = min(own, key=lambda form: Rival.at(few, form, rough.pick(which)).left)
+            some = [form for form in own if form.substeps // self.given.substeps in FEW_SHORTER]
+            closest = min(some, key=lambda form: Rival.at(few, form, rough.pick(which)).left)
+            found = [Rival.at(first, closest, rough)]
         else:
-            said = said_by_one(own, rivals, self.fine, first, rough)
-            likely = min(said, key=lambda rival: rival.left, default=None)
-            if likely is None or likely.left >= least:
-                return []
-            closest = likely.engine
-        found = Rival.at(first, closest, rough)
-        return [found] if found.left < least else []
+            found = closest_by_one(own, rivals, self.fine, first, rough, least)
+        return [rival for rival in found[-1:] if rival.left < least]
 
     def _cost(self, engine: Engine, fit: Fit, chi2: float, dof: int) -> float:
         """What a fit leaves, with what its parameters and its form must be worth."""

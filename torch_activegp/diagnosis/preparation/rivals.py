@@ -13,6 +13,8 @@ from torch_activegp.diagnosis.shooting.fit import Fit
 from torch_activegp.diagnosis.shooting.likelihood import Shooting
 from torch_activegp.diagnosis.simulation.engine import Engine
 
+_TRIALS = 3
+"""Lengths of step that are simulated at most."""
 _ALIKE, _ALIKE_ABRUPT = 1.0, 0.25
 """Chi2 by which two forms differ that nothing tells apart, and where something sticks."""
 
@@ -67,29 +69,42 @@ def distinct(rivals: Sequence[Rival], shooting: Shooting, rough: Fit, abrupt: bo
     return kept
 
 
-def said_by_one(
-    forms: Sequence[Engine], rivals: Sequence[Rival], fine: Engine, shooting: Shooting, rough: Fit
+def closest_by_one(
+    forms: Sequence[Engine],
+    rivals: Sequence[Rival],
+    fine: Engine,
+    shooting: Shooting,
+    rough: Fit,
+    least: float = np.inf,
 ) -> list[Rival]:
-    """About what forms of one scheme of first order predict, in steps of several lengths.
+    """Of forms of one scheme of first order, in steps of several lengths, those that seemed the closest one in turn.
 
-    What they are off grows with the step. So one length tells of the others where nothing sticks or strikes.
+    What they are off grows with the step. So one length tells of the others where nothing sticks or strikes, and the
+    closest of them, once it is simulated, tells it better.
 
     Args:
         forms: of the scheme; the first one is simulated where no rival is of it.
-        rivals: what was simulated.
+        rivals: what was simulated; what cannot be told from one of them is not sought.
         fine: of them the one that is nearly continuous in time.
         shooting: the likelihood.
         rough: the fit at which they compete.
-
-    Returns:
-        Those that can be told from the rivals, and from one another.
+        least: chi2 from which on none is of interest.
     """
     exact = next(rival.exact for rival in rivals if rival.engine is fine)
-    known = next((rival for rival in rivals if rival.engine.scheme == forms[0].scheme), None)
-    known = known or Rival.at(shooting, forms[0], rough)
-    off = (known.exact - exact) * known.engine.substeps
-    said = [Rival.saying(exact + off / form.substeps, form, shooting, rough) for form in forms]
-    return [rival for rival in distinct([*rivals, *said], shooting, rough) if rival in said]
+    known = next(
+        (rival for rival in rivals if rival.engine.scheme == forms[0].scheme and rival.engine is not fine), None
+    )
+    known, found = known or Rival.at(shooting, forms[0], rough), list[Rival]()
+    while len(found) < _TRIALS:
+        off = (known.exact - exact) * known.engine.substeps
+        said = [Rival.saying(exact + off / form.substeps, form, shooting, rough) for form in forms]
+        new = [rival for rival in distinct([*rivals, *said], shooting, rough) if rival in said]
+        likely = min(new, key=lambda rival: rival.left, default=None)
+        if likely is None or likely.left >= least or likely.engine in (rival.engine for rival in found):
+            break
+        known = Rival.at(shooting, likely.engine, rough)
+        found.append(known)
+    return sorted(found, key=lambda rival: -rival.left)
 
 
 def _unexplained(fit: Fit, left: Array) -> float:
