@@ -2,10 +2,11 @@ from __future__ import annotations
 
 import dataclasses
 
+import mujoco
 import numpy as np
 import pytest
 
-from torch_activegp.diagnosis.preparation.rivals import Rival, distinct
+from torch_activegp.diagnosis.preparation.rivals import Rival, closest_by_one, distinct
 from torch_activegp.diagnosis.simulation.engine import Engine
 
 
@@ -50,3 +51,31 @@ def test_of_rivals_that_nothing_tells_apart_the_first_is_kept(clean, forms) -> N
     hardly = dataclasses.replace(one, exact=one.exact + size * rest)  # by 0.5 of chi2: too much where something sticks
     for abrupt in (False, True):
         assert (hardly in distinct([one, hardly], clean.shooting, fit, abrupt)) is abrupt
+
+
+def test_the_closest_length_of_step_is_told_better_by_one_that_is_close(clean, monkeypatch) -> None:
+    """Behind a servo that is stiff for a long step, what one is off grows faster than the step."""
+    fit = clean.shooting.fit([((), ())], clean.nominal.starts)[0]
+    forms = [Engine(clean.engine.model, clean.engine.channels, steps, 1) for steps in (1, 4, 8, 12, 16, 20)]
+    fine = Engine(clean.engine.model, clean.engine.channels, 1, 1, integrator=int(mujoco.mjtIntegrator.mjINT_EULER))
+    rough = np.random.default_rng(0).normal(size=clean.segments.position.shape)
+
+    def at(steps: int):
+        return clean.segments.position + 50.0 * clean.noise * rough * (
+            1.0 / steps + 0.8 / steps**2 - 1 / 12 - 0.8 / 144
+        )
+
+    said = Rival.saying
+    tried = []
+
+    def simulate(shooting, engine, fit):
+        tried.append(engine.substeps)
+        return said(at(engine.substeps), engine, shooting, fit)
+
+    monkeypatch.setattr(Rival, "at", simulate)
+    rivals = [said(at(10**9), fine, clean.shooting, fit), said(at(1), forms[0], clean.shooting, fit)]
+    found = closest_by_one(forms[1:], rivals, fine, clean.shooting, fit)
+    assert tried == [20, 12]
+    assert [rival.engine.substeps for rival in found] == [20, 12]
+    assert found[-1].left == pytest.approx(0.0, abs=1e-6)
+    assert closest_by_one(forms[1:], rivals, fine, clean.shooting, fit, least=0.0) == []
