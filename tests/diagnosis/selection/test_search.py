@@ -269,10 +269,12 @@ def test_what_cannot_pay_is_not_developed(bench, monkeypatch) -> None:
         assert [fit is wet for fit in seen] == [True] * pays
 
 
-@pytest.mark.parametrize("tuned", [True, False])
-def test_once_a_tuning_is_seen_more_of_it_is_undone(bench, monkeypatch, tuned: bool) -> None:
+@pytest.mark.parametrize(("tuned", "cut"), [(True, False), (False, False), (True, True)])
+def test_once_a_tuning_is_seen_more_of_it_is_undone(bench, monkeypatch, tuned: bool, cut: bool) -> None:
+    """Not where the search was cut short: it has computed enough."""
     undone: list[Fit] = []
     monkeypatch.setattr("torch_activegp.diagnosis.selection.search._seems_tuned", lambda *_: tuned)
     monkeypatch.setattr("torch_activegp.diagnosis.selection.search.undo", lambda some, *_: undone.append(some.best))
-    chosen = select(bench.shooting, [bench.effect("viscous_friction")], bench.nominal)
-    assert undone == [chosen.best] * tuned
+    depth = Depth(work=1.0 if cut else 1e9)
+    chosen = select(bench.shooting, [bench.effect("viscous_friction")], bench.nominal, depth=depth)
+    assert undone == [chosen.best] * (tuned and not cut)

@@ -93,7 +93,7 @@ def select(
     found = selection.best
     if not selection.cut_short:
         try_tuned(selection, shooting, effects)
-    tuned = not selection.score.free and _seems_tuned(selection, shooting, effects)
+    tuned = not (selection.score.free or selection.cut_short) and _seems_tuned(selection, shooting, effects)
     if tuned:
         undo(selection, shooting, effects)
     if tuned or selection.best is not found:
