@@ -17,7 +17,7 @@ from torch_activegp.diagnosis.findings.locate import entries, locate, somewhere
 from torch_activegp.diagnosis.findings.notes import search_notes
 from torch_activegp.diagnosis.findings.proposal import propose
 from torch_activegp.diagnosis.findings.remainder import Outcome, model_remainder
-from torch_activegp.diagnosis.findings.unseen import refuted, taken_back
+from torch_activegp.diagnosis.findings.unseen import refutation, taken_back
 from torch_activegp.diagnosis.findings.verdict import Verdict, decide
 from torch_activegp.diagnosis.findings.words import sentence
 from torch_activegp.diagnosis.inputs.blackbox import accelerations
@@ -142,8 +142,9 @@ def _report(
     holdout, traces = compare(models, machine.holdout, machine.channels.joints, shooting.noise)
     if chosen.effects:
         starts = [trace["start_after"] for trace in traces[:: len(machine.channels.joints)]]
-        if refuted(holdout, engine, chosen.candidate, machine.holdout, starts):
-            verdict = taken_back(verdict, holdout["free_run"])
+        why = refutation(holdout, engine, chosen.candidate, machine.holdout, starts)
+        if why is not None:
+            verdict = taken_back(verdict, why)
             return _report(source, machine, explanation, verdict, seed, say)
     say("writing the correction", 0.99)
     numerics = None

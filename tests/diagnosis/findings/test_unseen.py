@@ -8,7 +8,7 @@ import pytest
 
 from torch_activegp.data import Recording
 from torch_activegp.diagnosis import diagnose
-from torch_activegp.diagnosis.findings.unseen import is_predictable, refuted, taken_back
+from torch_activegp.diagnosis.findings.unseen import is_predictable, refutation, taken_back
 from torch_activegp.diagnosis.findings.verdict import decide
 from torch_activegp.diagnosis.inputs.machine import make_machine
 from torch_activegp.diagnosis.selection.compared import Selection
@@ -22,9 +22,10 @@ DOUBLE = """<mujoco><option timestep="0.002" integrator="RK4"/><worldbody>
 </body></body></worldbody></mujoco>"""
 
 
-def said(before: float, after: float, run: str) -> dict:
+def said(before: float, after: float, run: str, step: tuple[float, float] = (2.0, 1.0)) -> dict:
     """Held-out errors of one run, beside noise of 1."""
-    return {"runs": [{"run": run, "free_run": {"before": before, "after": after, "noise": 1.0}}]}
+    free, one = ({"before": first, "after": last, "noise": 1.0} for first, last in ((before, after), step))
+    return {"runs": [{"run": run, "free_run": free, "one_step": one}]}
 
 
 @pytest.mark.parametrize(
@@ -33,7 +34,25 @@ def said(before: float, after: float, run: str) -> dict:
 )
 def test_what_leaves_much_more_than_noise_and_is_little_better_is_refuted(bench, before, after, lost: bool) -> None:
     runs, start = bench.machine.holdout, bench.engine.starts(bench.segments)[:1]
-    assert refuted(said(before, after, runs[0].label), bench.engine, NOMINAL, runs, start.tolist()) is lost
+    why = refutation(said(before, after, runs[0].label), bench.engine, NOMINAL, runs, start.tolist())
+    assert (why is not None) is lost
+    assert why is None or "times the noise" in why
+
+
+@pytest.mark.parametrize(
+    ("free", "step", "worse"),
+    [
+        ((2.0, 2.5), (2.0, 1.0), "free runs"),
+        ((2.0, 1.0), (1.3, 1.4), "forecasts by one step"),
+        ((2.0, 1.0), (1.0, 1.1), None),  # about the noise
+        ((2.0, 2.04), (1.3, 1.32), None),  # about the same
+    ],
+)
+def test_names_with_which_forecasts_are_worse_than_without_are_refuted(bench, free, step, worse) -> None:
+    runs, start = bench.machine.holdout, bench.engine.starts(bench.segments)[:1]
+    why = refutation(said(*free, runs[0].label, step), bench.engine, NOMINAL, runs, start.tolist())
+    assert (why is None) is (worse is None)
+    assert why is None or (why.startswith(worse) and "without" in why)
 
 
 def test_a_run_that_nothing_forecasts_refutes_nothing() -> None:
@@ -46,17 +65,17 @@ def test_a_run_that_nothing_forecasts_refutes_nothing() -> None:
     wild, calm = np.array([[2.5, 0.1, 0.0, 0.0]]), np.array([[0.1, 0.1, 0.0, 0.0]])
     assert is_predictable(engine, NOMINAL, runs, calm).tolist() == [True]
     assert is_predictable(engine, NOMINAL, runs, wild).tolist() == [False]
-    assert refuted(said(30.0, 20.0, runs[0].label), engine, NOMINAL, runs, calm.tolist())
-    assert not refuted(said(30.0, 20.0, runs[0].label), engine, NOMINAL, runs, wild.tolist())
+    assert refutation(said(30.0, 20.0, runs[0].label), engine, NOMINAL, runs, calm.tolist())
+    assert not refutation(said(30.0, 20.0, runs[0].label), engine, NOMINAL, runs, wild.tolist())
 
 
 def test_without_its_names_a_verdict_is_unknown_and_says_why(bench) -> None:
     fits = [bench.nominal, bench.fit("viscous_friction", 0.05)]
     verdict = decide(bench.shooting, Selection(bench.nominal, fits, Score(bench.shooting.samples, 60, 1.0)))
-    judgement, stable, notes = taken_back(verdict, {"after": 0.3, "noise": 0.03})
+    judgement, stable, notes = taken_back(verdict, "free runs are off")
     assert (judgement.verdict, judgement.named, judgement.unexplained, stable) == ("unknown", (), 1.0, None)
     assert notes[-1].startswith("viscous_friction at joint:hip would fit these recordings, but not the held-out ones")
-    assert "10 times the noise" in notes[-1]
+    assert "free runs are off" in notes[-1]
 
 
 def test_names_that_do_not_hold_for_other_runs_are_not_given(bench, record) -> None:

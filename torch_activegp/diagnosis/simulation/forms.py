@@ -114,7 +114,8 @@ class Forms:
             striking = functools.partial(CalmEngine, channels=machine.channels, calm=few, nthread=nthread)
         same = model.opt.integrator == RUNGE_KUTTA and often == plain and not given.filters
         fine = given if same else make(model, substeps=often, integrator=RUNGE_KUTTA)
-        if free and not (tied or given.filters or model.na or model.dof_frictionloss.any()):
+        moved = given.filters or model.na or machine.channels.prescribed is not None  # within a step
+        if free and not (tied or moved or model.dof_frictionloss.any()):
             fine = _in_long_steps(fine, model, machine, nthread)
             given = fine if same else given
         if striking is not make and not same:
