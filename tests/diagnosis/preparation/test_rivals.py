@@ -78,4 +78,6 @@ def test_the_closest_length_of_step_is_told_better_by_one_that_is_close(clean, m
     assert tried == [20, 12]
     assert [rival.engine.substeps for rival in found] == [20, 12]
     assert found[-1].left == pytest.approx(0.0, abs=1e-6)
-    assert closest_by_one(forms[1:], rivals, fine, clean.shooting, fit, least=0.0) == []
+    tried.clear()  # so far off, one length tells nothing: another one is simulated, though none seems to be close
+    closest_by_one(forms[1:], rivals, fine, clean.shooting, fit, least=0.0)
+    assert tried == [12]

@@ -84,12 +84,14 @@ class Numerics(Forms):
         """
         loud = known is not None and near.chi2 > NOISE_ALONE * known[1].dof
         whole = Shooting(self.coarse, segments, noise)
-        competing = self._forms(segments, sets[:1], known, loud) if only is None else [only]
+        competing = self._forms(segments, sets[:1], known, loud)
         longest = max(competing, key=lambda form: form.steps_in(segments))
         first, which = whole.subset(enough(longest, segments))
         rough = self._rough(first, near.pick(which), sets[:1])
         trials = [*without_delays(sets[:1]), *otherwise_late(sets)]
-        rivals = self._rivals(competing, first, rough) if only is None else [Rival.at(first, only, rough)]
+        rivals = [Rival.at(first, only, rough)] if only is not None else []
+        if not rivals or not np.isfinite(rivals[0].left):
+            rivals = self._rivals(competing, first, rough)
         engine, working, judged = self._race(rivals, first, rough, trials, whole.dof, known)
         if known is not None and engine is known[0] and judged.effects == near.effects:
             return *known, nominal, near
@@ -181,9 +183,10 @@ class Numerics(Forms):
         """The one of some forms, in steps of several lengths, that comes closest, where no other is closer by far."""
         left = min(rival.left for rival in rivals)
         least = left * (_NO_FARTHER if left < _MUCH * first.dof else 1.0 - _DISCRETE)
-        if any(is_abrupt(effect) for effect in rough.effects) or self.firm is not None:
+        fails = any(rival.engine is self.fine and not np.isfinite(rival.left) for rival in rivals)
+        if any(is_abrupt(effect) for effect in rough.effects) or self.firm is not None or fails:
             few, which = first.subset(_GLANCE / first.segments.size)
-            some = [form for form in own if form.substeps // self.given.substeps in FEW_SHORTER]
+            some = [form for form in own if form.substeps // self.given.substeps in FEW_SHORTER] or own
             closest = min(some, key=lambda form: Rival.at(few, form, rough.pick(which)).left)
             found = [Rival.at(first, closest, rough)]
         else:

@@ -15,6 +15,8 @@ from torch_activegp.diagnosis.simulation.engine import Engine
 
 _TRIALS = 3
 """Lengths of step that are simulated at most."""
+_FAR_OFF = 2.0
+"""Times the least chi2 from which on a form in long steps is too far off to tell of short ones."""
 _ALIKE, _ALIKE_ABRUPT = 1.0, 0.25
 """Chi2 by which two forms differ that nothing tells apart, and where something sticks."""
 
@@ -91,18 +93,20 @@ def closest_by_one(
         least: chi2 from which on none is of interest.
     """
     exact = next(rival.exact for rival in rivals if rival.engine is fine)
-    known = next(
-        (rival for rival in rivals if rival.engine.scheme == forms[0].scheme and rival.engine is not fine), None
-    )
+    of_scheme = (rival for rival in rivals if rival.engine.scheme == forms[0].scheme and rival.engine is not fine)
+    known = next((rival for rival in of_scheme if np.isfinite(rival.left)), None)
     known, found = known or Rival.at(shooting, forms[0], rough), list[Rival]()
     while len(found) < _TRIALS:
         off = (known.exact - exact) * known.engine.substeps
         said = [Rival.saying(exact + off / form.substeps, form, shooting, rough) for form in forms]
         new = [rival for rival in distinct([*rivals, *said], shooting, rough) if rival in said]
         likely = min(new, key=lambda rival: rival.left, default=None)
-        if likely is None or likely.left >= least or likely.engine in (rival.engine for rival in found):
+        form = None if likely is None or likely.left >= least else likely.engine
+        if form is None and not found and not known.left < _FAR_OFF * least:  # so far off it says little of the others
+            form = forms[len(forms) // 2]
+        if form is None or form in (rival.engine for rival in found):
             break
-        known = Rival.at(shooting, likely.engine, rough)
+        known = Rival.at(shooting, form, rough)
         found.append(known)
     return sorted(found, key=lambda rival: -rival.left)
 

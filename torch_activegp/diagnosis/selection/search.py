@@ -93,10 +93,10 @@ def select(
     found = selection.best
     if not selection.cut_short:
         try_tuned(selection, shooting, effects)
-    tuned = not (selection.score.free or selection.cut_short) and _seems_tuned(selection, shooting, effects)
-    if tuned:
+    tuned = not selection.score.free and _seems_tuned(selection, shooting, effects)
+    if tuned and not selection.cut_short:
         undo(selection, shooting, effects)
-    if tuned or selection.best is not found:
+    if (tuned or selection.best is not found) and not selection.cut_short:
         simplify(selection, shooting, effects)
         search(selection, shooting, effects, expanded, tell, depth)
     if selection.score.free and not _only_undoes(selection, shooting):

@@ -20,6 +20,8 @@ _MOST_ROWS = 4000
 _AROUND = 2
 """Rows before and after one in which something touches that count as touched."""
 _DRY = frozenset({"coulomb_friction", "asymmetric_friction", "stribeck_friction"})
+_CHECKED, _CHECKED_SECONDS = 4, 0.3
+"""Segments, and so much of them, in which a candidate is simulated in all of the steps to see that fewer are enough."""
 _WITHIN = frozenset({"joint_stop", "actuator_delay", "actuator_lag"})
 """What strikes, and what changes a control between two rows, which a long step takes the mean of."""
 
@@ -36,7 +38,6 @@ class CalmEngine(Engine):
         calm: the same elsewhere.
         nthread: threads; 0 for all cores.
         integrator: as for an engine.
-        contacts: whether bodies may touch in the longer steps.
     """
 
     def __init__(
@@ -47,10 +48,9 @@ class CalmEngine(Engine):
         calm: int,
         nthread: int = 0,
         integrator: int | None = None,
-        contacts: bool = True,
     ) -> None:
         super().__init__(model, channels, substeps, nthread, integrator)
-        self._calm = Engine(model, channels, calm, nthread, integrator, contacts=contacts)
+        self._calm = Engine(model, channels, calm, nthread, integrator)
         self._wide = widened(model)
         self._known: dict[int, tuple[Run, NDArray[np.int64]]] = {}
 
@@ -100,20 +100,60 @@ class CalmEngine(Engine):
 
 
 class SmoothEngine(CalmEngine):
-    """An engine of a machine that touches nothing and does not stick, in fewer time steps than it is asked for.
+    """An engine in fewer time steps than it is asked for, where these do the same.
 
-    With effects that strike, stick or act within a step it takes all of them; so it does where a long step fails.
+    Not in segments in which something touches, and not with effects that strike, stick or act within a step. Of every
+    other candidate a part is simulated in all of the steps too, for a spring or a load may make a machine quick: where
+    that is another path, all of it is.
+
+    Args:
+        model: compiled nominal model.
+        channels: the recorded joints, C.
+        substeps: time steps in each interval between rows.
+        calm: the same where fewer are enough.
+        same: by how much the positions may differ, ``(C,)``, rad or m.
+        nthread: threads; 0 for all cores.
+        integrator: as for an engine.
     """
 
-    def _simulate(self, segments: Segments, starts: Array, candidates: Sequence[Candidate]) -> Array:
-        states = super()._simulate(segments, starts, candidates)
-        if np.isfinite(states).all():
-            return states
-        return Engine._simulate(self, segments, starts, candidates)
+    def __init__(
+        self,
+        model: mujoco.MjModel,
+        channels: Channels,
+        substeps: int,
+        calm: int,
+        same: Array,
+        nthread: int = 0,
+        integrator: int | None = None,
+    ) -> None:
+        super().__init__(model, channels, substeps, calm, nthread, integrator)
+        self._same = same
 
-    def touched(self, segments: Segments) -> NDArray[np.bool_]:
-        """In which segments something touches, ``(S,)``: in none."""
-        return np.zeros(segments.size, dtype=bool)
+    def steps_in(self, segments: Segments) -> float:
+        """Time steps of one simulation of some segments at most: as effects want them that are not smooth."""
+        return Engine.steps_in(self, segments)
+
+    def _simulate(self, segments: Segments, starts: Array, candidates: Sequence[Candidate]) -> Array:
+        wants = np.array([any(map(self.wants_steps, candidate.effects)) for candidate in candidates])
+        states = np.empty((len(candidates), segments.size, segments.intervals + 1, self.state_size))
+        if len(calm := np.flatnonzero(~wants)):
+            some = [candidates[int(i)] for i in calm]
+            states[calm] = super()._simulate(segments, starts[calm], some)
+            wants[calm] = ~self._do_the_same(segments, starts[calm], some, states[calm])
+        if len(short := np.flatnonzero(wants)):
+            states[short] = Engine._simulate(self, segments, starts[short], [candidates[int(i)] for i in short])
+        return states
+
+    def _do_the_same(
+        self, segments: Segments, starts: Array, candidates: Sequence[Candidate], states: Array
+    ) -> NDArray[np.bool_]:
+        """Which candidates all of the steps lead the same way, in the beginnings of some segments, ``(N,)``."""
+        which = np.unique(np.linspace(0, segments.size - 1, _CHECKED).astype(np.int64))
+        rows = min(max(int(_CHECKED_SECONDS / np.median(segments.dt)), 1), segments.intervals)
+        part = segments.pick(which).until(rows)
+        exact = Engine._simulate(self, part, starts[:, which], [some.pick(which, rows) for some in candidates])
+        off = np.abs(exact - states[:, which, : rows + 1])[..., self.channels.qpos]
+        return np.asarray((off < self._same).all(axis=(1, 2, 3)) & np.isfinite(states).all(axis=(1, 2, 3)))
 
     def wants_steps(self, effect: Effect) -> bool:
         """Whether an effect wants the short steps."""

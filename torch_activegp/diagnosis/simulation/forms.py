@@ -80,7 +80,7 @@ class Forms:
         firm_quick: to it as quick is to finest.
         own: the model's own integrator in shorter steps; semi-implicit Euler in place of Runge-Kutta, but where
             something touches: that is soft by as much as a time step is long, in Runge-Kutta's too. Nor where drives
-            have filters: in MuJoCo's steps their forces are late by half a step, whatever the integrator.
+            are of the type ``filterexact``: their forces are late by half a step, in Runge-Kutta's too.
     """
 
     given: Engine
@@ -135,7 +135,8 @@ class Forms:
             late = make(model, substeps=coarse.substeps, late=True, **cheap)
         times, least = (FEW_SHORTER, _STIFF_SHORTEST) if stiff else (_SHORTER, _SHORTEST)
         shorter = [plain * many for many in times if step / (plain * many) > least]
-        euler = model.opt.integrator == RUNGE_KUTTA and not (stiff or given.filters)
+        late_drives = bool((model.actuator_dyntype == int(mujoco.mjtDyn.mjDYN_FILTEREXACT)).any())
+        euler = model.opt.integrator == RUNGE_KUTTA and not (stiff or late_drives)
         first = IMPLICIT_FAST if euler else None
         own = tuple(make(model, substeps=steps, integrator=first) for steps in shorter)
         made = cls(given, fine, coarse, middle, stiff, late, **short, own=own)
@@ -170,10 +171,11 @@ class Forms:
 def _in_long_steps(plain: Engine, model: mujoco.MjModel, machine: Machine, nthread: int) -> Engine:
     """An engine by Runge-Kutta in the longest steps that do the same, for effects that are smooth; or itself."""
     step, integrator = median_step(machine.fit), int(plain.model.opt.integrator)
-    make = functools.partial(Engine, model, machine.channels, nthread=nthread, integrator=integrator, contacts=False)
+    make = functools.partial(Engine, model, machine.channels, nthread=nthread, integrator=integrator)
+    same = _SAME * np.mean([run.noise for run in machine.fit], axis=0)
     for calm in (_steps(step, longest) for longest in _SMOOTH_STEPS):
         if calm < plain.substeps and _agrees(make(substeps=calm), plain, machine.fit, _SAME):
-            return SmoothEngine(model, machine.channels, plain.substeps, calm, nthread, integrator, contacts=False)
+            return SmoothEngine(model, machine.channels, plain.substeps, calm, same, nthread, integrator)
     return plain
 
 
