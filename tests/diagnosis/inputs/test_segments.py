@@ -105,3 +105,11 @@ def test_the_beginning_of_segments(make_plain_run) -> None:
     assert begun.intervals == 7
     assert begun.counts.shape == begun.position.shape[:2] == (2, 8)
     np.testing.assert_array_equal(begun.position[1], segments.position[1, :8])
+
+
+def test_segments_are_spread_evenly_from_the_first_to_the_last(bench) -> None:
+    segments = bench.segments
+    assert segments.size > 5
+    some = segments.spread(3)
+    assert some.tolist() == [0, (segments.size - 1) // 2, segments.size - 1]
+    assert segments.spread(10 * segments.size).tolist() == list(range(segments.size))

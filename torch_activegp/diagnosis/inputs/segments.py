@@ -82,6 +82,10 @@ class Segments:
         names = ("run", "first", "position", "counts", "dt", "scored")
         return dataclasses.replace(self, **{name: getattr(self, name)[which] for name in names})
 
+    def spread(self, count: int) -> NDArray[np.int64]:
+        """The numbers of so many of them, or of all where there are fewer, evenly spread."""
+        return np.unique(np.linspace(0, self.size - 1, count).astype(np.int64))
+
     def until(self, intervals: int) -> Segments:
         """Their first intervals, so many of them."""
         rows = {name: getattr(self, name)[:, : intervals + 1] for name in ("position", "counts")}

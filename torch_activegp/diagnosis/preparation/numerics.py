@@ -39,9 +39,9 @@ are fitted. Not where something touches or sticks."""
 _ABOUT = 1.2
 """Where the fine form leaves at most so many times what the closest one does before they are fitted, it comes first."""
 _GLANCE, _NO_FARTHER = 6, 1.1
-"""Segments on which the model's own integrator is tried in steps of several lengths, and how much more than the other
-forms the best may leave there to be fitted; it must be better where much is left, by what it costs; where something
-touches, any form than the best one in brief pieces."""
+"""Segments on which the model's own integrator is tried in steps of several lengths where something sticks; and how
+much more than the other forms the best may leave to be fitted: it must be better where much is left, by what it costs.
+Where something touches, any form than the best one in brief pieces."""
 _FEW_STEPS = 4.0
 """What comes late by fewer time steps is seen in shorter ones too: behind steps of 5 ms a lag of 3 ms was a delay."""
 

@@ -148,7 +148,7 @@ class SmoothEngine(CalmEngine):
         self, segments: Segments, starts: Array, candidates: Sequence[Candidate], states: Array
     ) -> NDArray[np.bool_]:
         """Which candidates all of the steps lead the same way, in the beginnings of some segments, ``(N,)``."""
-        which = np.unique(np.linspace(0, segments.size - 1, _CHECKED).astype(np.int64))
+        which = segments.spread(_CHECKED)
         rows = min(max(int(_CHECKED_SECONDS / np.median(segments.dt)), 1), segments.intervals)
         part = segments.pick(which).until(rows)
         exact = Engine._simulate(self, part, starts[:, which], [some.pick(which, rows) for some in candidates])

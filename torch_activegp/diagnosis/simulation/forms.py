@@ -223,7 +223,7 @@ def _touching(machine: Machine) -> float:
 def _agrees(calm: Engine, plain: Engine, runs: Sequence[Run], least: float = _AGREES) -> bool:
     """Whether an engine that takes few steps now and then does what another one does, to a part of the noise."""
     segments = cut(runs, 1.0, 0.0)
-    segments = segments.pick(np.unique(np.linspace(0, segments.size - 1, _COMPARED).astype(np.int64)))
+    segments = segments.pick(segments.spread(_COMPARED))
     starts = plain.starts(segments)[None]
     one, other = (engine.predict(segments, starts, [NOMINAL]) for engine in (calm, plain))
     noise = np.mean([run.noise for run in runs], axis=0)
