@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 
 from torch_activegp.diagnosis import Checkpoint, Diagnosis, diagnose
+from torch_activegp.diagnosis.selection.search import Depth
 from torch_activegp.diagnosis.shooting.score import Score
 from torch_activegp.diagnosis.simulation.candidate import Candidate
 
@@ -27,6 +28,7 @@ def value(bench):
         "candidate": Candidate((effect,), (np.arange(3.0),)),
         "run": bench.machine.fit[0],
         "set": frozenset({effect}),
+        "depth": Depth(rounds=0),
     }
 
 
@@ -47,6 +49,7 @@ def test_a_stage_that_is_kept_is_not_computed_again(bench, value, path) -> None:
     for found in (first, second):
         assert found["candidate"].effects == (bench.effects[0],)
         assert found["set"] == {bench.effects[0]}
+        assert found["depth"] == Depth(rounds=0)
         assert found["run"] is bench.machine.fit[0]
         np.testing.assert_array_equal(found["candidate"].values[0], [0.0, 1.0, 2.0])
     assert [item.name for item in path.parent.iterdir()] == [".progress"]

@@ -15,8 +15,8 @@ from torch_activegp.diagnosis.noise.model import NoiseModel
 from torch_activegp.diagnosis.preparation.lengths import Lengths
 from torch_activegp.diagnosis.preparation.numerics import Numerics
 from torch_activegp.diagnosis.selection import explain as module
-from torch_activegp.diagnosis.selection.explain import _Start, _start, _with_noise, explain
-from torch_activegp.diagnosis.selection.first_names import besides, on_a_part
+from torch_activegp.diagnosis.selection.explain import _finish, _Start, _start, _with_noise, explain
+from torch_activegp.diagnosis.selection.first_names import Naming, besides, on_a_part
 from torch_activegp.diagnosis.selection.search import Depth, select
 from torch_activegp.diagnosis.shooting.likelihood import Shooting
 from torch_activegp.errors import SimulationError
@@ -321,3 +321,38 @@ def test_behind_a_search_in_vain_little_more_is_searched(bench, monkeypatch, vai
     assert depths
     assert all((depth.work < Depth().work) == vain for depth in depths)
     assert all((depth.work + depth.more < Depth().work) == vain for depth in depths)
+    assert (depths[0].rounds == 0) == vain
+
+
+def test_behind_a_search_in_vain_its_best_set_alone_is_fitted_to_all_data(bench, monkeypatch) -> None:
+    pair = (bench.effect("viscous_friction"), bench.effect("constant_force"))
+    right, other = ((pair[0],), (np.array([0.05]),)), (pair, (np.array([0.05]), np.array([1e-3])))
+    naming = Naming(bench.engine, bench.shooting, bench.nominal, bench.nominal, [right, other], in_vain=True)
+    monkeypatch.setattr(Naming, "wants_a_part", True)
+    monkeypatch.setattr(module, "on_a_part", lambda *_: naming)
+    whole, numerics = (
+        Lengths(bench.segments, bench.nominal, bench.nominal, bench.engine),
+        Numerics.of(bench.machine, 1),
+    )
+    start = _start(bench.machine, numerics, bench.shooting.noise, some(bench), whole, lambda _: None)
+    assert start.sets == [right]
+    assert start.depth.rounds == 0
+    selection = select(start.shooting, some(bench), start.nominal, start.sets, start.first, depth=start.depth)
+    assert selection.cut_short
+    assert {fit.effects for fit in selection.fits} == {(), right[0]}
+
+
+def test_numerics_are_not_chosen_again_behind_the_same_names_as_they_were(bench, monkeypatch) -> None:
+    """Though they leave more than noise; unless another fit of them leaves much less."""
+    calls, choose = [], Numerics.choose
+    monkeypatch.setattr(module, "NOISE_ALONE", 0.5)
+    monkeypatch.setattr(Numerics, "choose", lambda *a, **k: calls.append(a) or choose(*a, **k))
+    fit = bench.fit("viscous_friction", 0.05)
+    selection = select(bench.shooting, some(bench), bench.nominal, first=fit)
+    numerics = Numerics.of(bench.machine, 1)
+    start = _Start(bench.engine, bench.shooting, bench.nominal, [], fit, frozenset(), bench.shooting.noise)
+    for worse, looked in ((1.1, 0), (2.0, 1)):
+        calls.clear()
+        judged = dataclasses.replace(fit, chi2=worse * fit.chi2)
+        _finish(numerics, some(bench), dataclasses.replace(start, first=judged), selection, lambda _: None)
+        assert min(len(calls), 1) == looked

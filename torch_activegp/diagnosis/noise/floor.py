@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from typing import NamedTuple
 
 import numpy as np
 from scipy import signal
@@ -23,10 +24,15 @@ _MOTION = 20.0
 """Machines move more slowly than this, Hz, and below an eighth of the sampling rate; above there is noise."""
 _NARROW = 0.3
 _COLOURED = 0.4
-_BANDS = 3
 _SHOWN = 1.2
 """A colour may show so much more variance to high differences than they see: 0.7 to 1.15 times for filtered noise, 1.3
 for the motion of a tight loop and 1.9 for a limit cycle in a backlash, recorded at 100 Hz."""
+_STEEPER = 0.15
+"""Logarithm by which the lower third of a band may be louder than any colour says that is as close to the rest of it:
+-1.1 to 0.0 for filtered noise, 0.2 to 2.6 where the motion of a quick servo or of a whirling arm reached into the band.
+Its noise was taken for 40 to 1200 times what it was."""
+_AS_CLOSE = (1.3, 0.01)
+"""So much more misfit than the least, times and plus, is as close."""
 _COMPLETE = 0.9
 _JITTER = 0.02
 _FINEST = 3e-5
@@ -59,12 +65,13 @@ def noise_floor(runs: Sequence[Run]) -> NoiseModel:
 def hides_filters(runs: Sequence[Run], channel: int) -> bool:
     """Whether a filter in an encoder would show nowhere in the recordings.
 
-    They are too slow, too short, too uneven or miss too many rows for a spectrum above the motion, no excitation
-    repeats, and they are not said to be videos.
+    They are too slow, too short, too uneven or miss too many rows for a spectrum above the motion, or that goes on to
+    the end of the spectrum; no excitation repeats, and they are not said to be videos.
     """
     if any(run.video for run in runs) or noise_from_periods(runs, channel) is not None:
         return False
-    return _lowest(runs) > _NARROW or all(_uneven(run) or _spectrum(run, channel) is None for run in runs)
+    unseen = _lowest(runs) > _NARROW or all(_uneven(run) or _spectrum(run, channel) is None for run in runs)
+    return unseen or ((band := _above_motion(runs, channel)) is not None and band.moves)
 
 
 def finest(runs: Sequence[Run]) -> Array:
@@ -100,25 +107,55 @@ def _carried(runs: Sequence[Run]) -> Array | float:
 
 
 def _colour(runs: Sequence[Run], channel: int) -> tuple[tuple[float, float], float] | None:
-    """The poles whose spectrum is closest, and the noise's standard deviation; None for white noise.
+    """The poles whose spectrum is closest, and the noise's standard deviation; None for white noise, and in doubt."""
+    band = _above_motion(runs, channel)
+    if band is None or band.moves or not any(band.poles):
+        return None
+    return band.poles, band.level / colour_scale(band.poles)
 
-    Impacts and tight loops move a machine above the usual band too. Such a motion is no noise of any colour: one that
-    is as loud as it would show more to high differences than there is. Then a band farther up is asked.
+
+class _Band(NamedTuple):
+    """A band above the motion: the closest poles, the level of what is new, and whether motion is in the band too."""
+
+    poles: tuple[float, float]
+    level: float
+    moves: bool
+
+
+def _above_motion(runs: Sequence[Run], channel: int) -> _Band | None:
+    """The band that a noise of some colour is seen in, None where there is none.
+
+    Impacts, quick servos and tight loops move a machine in the usual band too. Such a motion is no noise of any colour:
+    one that is as loud as it would show more to high differences than there is, or the motion falls off more steeply.
     """
     found = [(run, s) for run in runs if (s := _spectrum(run, channel)) is not None]
     lowest = _lowest(runs)
     if not found or lowest > _NARROW:
         return None
     frequency, power = found[0][1][0], np.median([p for _, (_, p) in found], axis=0)
-    seen = float(np.median([run.noise[channel] ** 2 for run, _ in found]))
+    frequency, power = frequency[frequency >= lowest], power[frequency >= lowest]
     rest = 1e-20 * max(float(np.abs(run.position[:, channel]).max()) for run in runs) ** 2
-    if power[frequency >= lowest].min() <= rest:
+    if power.min() <= rest:
         return None
-    for above in np.linspace(lowest, 0.5, _BANDS + 1)[:-1]:
-        poles, level = _closest(frequency[frequency >= above], power[frequency >= above])
-        if level**2 * high_differences(poles) <= _SHOWN * seen:
-            return (poles, level / colour_scale(poles)) if any(poles) else None
-    return None
+    poles, level = _closest(frequency, power)
+    shown = level**2 * high_differences(poles)
+    seen = float(np.median([run.noise[channel] ** 2 for run, _ in found]))
+    return _Band(poles, level, any(poles) and (shown > _SHOWN * seen or _moves(frequency, power)))
+
+
+def _moves(frequency: Array, power: Array) -> bool:
+    """Whether a band is louder at its lower end than any colour says that is as close to the rest of it as another.
+
+    Force moves a mass by less the quicker it changes: much as two poles near one would filter noise, but more steeply
+    at the lower end, where the noise is not seen yet.
+    """
+    lower = frequency < frequency[0] + (frequency[-1] - frequency[0]) / 3
+    apart = [np.log(power) - np.log(spectrum(poles, frequency)) for poles in colour_family()]
+    misfit = np.array([float(each[~lower].var()) for each in apart])
+    times, plus = _AS_CLOSE
+    close = misfit < times * misfit.min() + plus
+    louder = [float(each[lower].mean() - each[~lower].mean()) for each, near in zip(apart, close, strict=True) if near]
+    return min(louder) > _STEEPER
 
 
 def _closest(frequency: Array, power: Array) -> tuple[tuple[float, float], float]:

@@ -43,10 +43,14 @@ _LIKE = 1.5
 """Numerics are not chosen again for noise that differs by less than this factor, at any frequency."""
 _ANEW = 3
 """How often noise is taken anew behind what all data say."""
-_WHOLE, _IN_VAIN = Depth(), Depth(swaps=0, work=3e6, stepwise=False, more=2e6)
-"""The search on all data; and where a long one on a part left much more than noise: what is missing is hardly known."""
+_WHOLE = Depth()
+_NO_FURTHER, _IN_VAIN = Depth(rounds=0, work=2e6, more=0.0), Depth(swaps=0, work=3e6, stepwise=False, more=2e6)
+"""Where a long search on a part left much more than noise, what is missing is hardly on the list: its best set is
+fitted to all data, for what it leaves. Where that shows another noise, a little is searched by it."""
 _AGAIN = 3
 """How often numerics are looked at again behind new names."""
+_SETTLED = 0.8
+"""And not behind those that they were chosen behind, unless these leave less than this part of what they left then."""
 
 
 @dataclasses.dataclass(frozen=True)
@@ -77,8 +81,8 @@ Tell = Callable[[str], None]
 class _Start:
     """What naming on all data begins from: numerics, likelihood, fits of the nominal and of a set, more sets.
 
-    And the noise by which the numerics were chosen, which may be an earlier one than the likelihood's; and whether what
-    is missing is hardly on the list.
+    And the noise by which the numerics were chosen, which may be an earlier one than the likelihood's; and how deep to
+    search.
     """
 
     engine: Engine
@@ -88,12 +92,7 @@ class _Start:
     first: Fit
     free: frozenset[tuple[str, str]]
     noise: NoiseModel
-    in_vain: bool = False
-
-    @property
-    def depth(self) -> Depth:
-        """How deep to search."""
-        return _IN_VAIN if self.in_vain else _WHOLE
+    depth: Depth = _WHOLE
 
 
 def explain(
@@ -178,7 +177,7 @@ def _start(
         engine, shooting, nominal, judged = naming.engine, naming.shooting, naming.nominal, naming.judged
         sets, astray = naming.sets, naming.lost or naming.in_vain
         used = shooting.segments
-        near = long.halved and bool(used.far_off(nominal.per_segment, _FAR / 4).any())
+        near = long.halved and not naming.in_vain and bool(used.far_off(nominal.per_segment, _FAR / 4).any())
         fewer = longest(machine, numerics, noise, _TOO_FAR, long) if near else long
         longer = fewer.segments.size < segments.size
         if longer:
@@ -187,7 +186,9 @@ def _start(
         if longer or (new and not astray):
             sought, only = ([], None) if astray else (sets, None if new else engine)
             engine, shooting, nominal, judged = numerics.choose(used, noise, nominal, nominal, sought, only=only)
-    return _Start(engine, shooting, nominal, besides(sets, judged), judged, naming.free, noise, naming.in_vain)
+    rest = besides(sets[: 1 if naming.in_vain else None], judged)
+    depth = _NO_FURTHER if naming.in_vain else _WHOLE
+    return _Start(engine, shooting, nominal, rest, judged, naming.free, noise, depth)
 
 
 def _with_noise(
@@ -206,6 +207,7 @@ def _with_noise(
     one; from where the best set was fitted, for a stop that begins elsewhere may end anywhere, by any form.
     """
     tell("naming with the noise seen behind the effects")
+    depth = start.depth if start.depth == _WHOLE else _IN_VAIN
     segments, nominal = start.shooting.segments, start.nominal
     sets: Sets = [*([(best.effects, best.values)] if best.effects else []), *rest]
     loud = float((start.shooting.noise.innovation / noise.innovation).max())
@@ -216,24 +218,25 @@ def _with_noise(
         shooting = dataclasses.replace(start.shooting, noise=noise)
         bare = shooting.fit([((), ())], nominal.starts, CREEPS, near=nominal)[0]
         judged = shooting.fit(sets[:1], near.starts, near=near)[0]
-        return _Start(start.engine, shooting, bare, besides(sets, judged), judged, free, start.noise, start.in_vain)
+        return _Start(start.engine, shooting, bare, besides(sets, judged), judged, free, start.noise, depth)
     if far:
         longer = longest(machine, numerics, noise, _TOO_FAR)
         segments, nominal = longer.segments, longer.nominal
         near = nominal
     engine, shooting, nominal, judged = numerics.choose(segments, noise, near, nominal, sets)
-    return _Start(engine, shooting, nominal, besides(sets, judged), judged, free, noise, start.in_vain)
+    return _Start(engine, shooting, nominal, besides(sets, judged), judged, free, noise, depth)
 
 
 def _finish(
     numerics: Numerics, effects: Sequence[Effect], start: _Start, selection: Selection, tell: Tell
 ) -> Explanation:
-    """Looks at the numerics once more behind the effects, unless chosen behind just these, or these explain little."""
+    """Looks at the numerics once more behind the effects, unless chosen behind these, or these explain little."""
     engine, shooting, nominal, judged = start.engine, start.shooting, start.nominal, start.first
     for _ in range(_AGAIN):
         best, first = selection.best, leaders(selection)
         quiet = best.chi2 < NOISE_ALONE * shooting.dof
-        settled = not best.effects or (is_of(judged, best.effects) and quiet)
+        same = is_of(judged, best.effects) and (quiet or best.chi2 > _SETTLED * judged.chi2)
+        settled = not best.effects or same
         lost = (selection.cut_short and not quiet) or hopeless(selection, shooting)
         if not (settled or lost):
             known = (engine, shooting)

@@ -36,7 +36,7 @@ _GLANCE = Depth(rounds=1, stepwise=False, work=_WORK, more=_MORE)
 steps of 5 ms they took 60 s behind a backlash, and were delays of half a step."""
 _ON_A_PART = Depth(swaps=0, work=_WORK, more=_MORE)
 """Swaps come with all data."""
-_MUCH = 2.0
+_MUCH = 1.5
 """Times the noise."""
 
 Tell = Callable[[str], None]

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import dataclasses
 from collections.abc import Callable, Iterator, Sequence
-from typing import NamedTuple
 
 import numpy as np
 
@@ -34,11 +33,12 @@ that stands for it."""
 Seen = set[frozenset[Effect]]
 
 
-class Depth(NamedTuple):
+@dataclasses.dataclass(frozen=True)
+class Depth:
     """How far to search.
 
     Args:
-        rounds: how often the best sets are developed.
+        rounds: how often the best sets are developed; 0 fits those that it begins from, and searches no further.
         swaps: how often others are tried in place of each effect.
         work: time steps to compute before no further set is developed.
         stepwise: whether names are tried one after another where several came together.
@@ -53,7 +53,7 @@ class Depth(NamedTuple):
 
     def counted_from(self, work: float) -> Depth:
         """The same with its work on top of some that is done."""
-        return self._replace(work=work + self.work)
+        return dataclasses.replace(self, work=work + self.work)
 
 
 def select(
@@ -86,8 +86,11 @@ def select(
     near = first if first is not None and np.isfinite(first.chi2) else nominal
     if sets or near.effects:
         selection.add([near] if near.effects else [])
-        selection.add(shooting.fit(sets, near.starts, near=near))
+        selection.add(shooting.fit(sets, near.starts, near=near, work=depth.work + depth.more))
         selection.rescale(shooting.dof)
+    if not depth.rounds:
+        selection.cut_short = True
+        return selection
     expanded: Seen = set()
     search(selection, shooting, effects, expanded, tell, depth)
     found = selection.best
