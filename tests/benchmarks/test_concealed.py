@@ -136,6 +136,15 @@ def test_a_case_holds_a_model_and_recordings_and_nothing_of_the_key(made: tuple[
     assert 1.02 < key["chi2_per_dof"] < 150
 
 
+@pytest.mark.slow
+def test_a_control_that_no_simulation_reproduces_is_drawn_anew(tmp_path: Path, monkeypatch) -> None:
+    spec = next(iter(list_cases(5, {"controls": 1})))
+    left = iter([84878.0, 1.25])
+    monkeypatch.setattr("benchmarks.concealed.cases.misfit", lambda *_: next(left))
+    make_case(spec, tmp_path)
+    assert json.loads((tmp_path / "keys" / f"{spec.name}.json").read_text(encoding="utf-8"))["chi2_per_dof"] == 1.25
+
+
 def write_case(folder: Path, viscous: float) -> None:
     text = write_model(SYSTEMS["pendulum"], 200, np.random.default_rng(3))
     model = mujoco.MjModel.from_xml_string(text)
