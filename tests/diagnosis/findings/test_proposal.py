@@ -27,8 +27,22 @@ def proposed(bench, *fits, **changed):
 def test_where_all_rivals_are_ruled_out_the_least_certain_parameter_is_measured(bench, wet) -> None:
     entry, text = proposed(bench, wet)
     assert entry["separates"][0].startswith("coefficient of viscous_friction at joint:hip 0.0")
+    assert entry["why"].startswith("no rival is left")
     assert "standard error" in entry["why"]
     assert text.startswith("time,ctrl.drive")
+
+
+@pytest.mark.parametrize("listed", [True, False])
+def test_where_no_controls_tell_a_tie_apart_none_is_said_to_be_settled(bench, wet, monkeypatch, listed: bool) -> None:
+    """What can never be told apart does not compete, and is in the list of ties alone."""
+    twin = dataclasses.replace(wet, effects=(bench.effect("quadratic_drag"),))
+    monkeypatch.setattr(
+        "torch_activegp.diagnosis.findings.proposal.next_experiment",
+        lambda engine, fits, *rest: None if twin in fits else ({"why": rest[-1].sentence(1.0)}, ""),
+    )
+    ties = {"ties": ((bench.effect("quadratic_drag"),),), "verdict": "tie"}
+    entry, _ = proposed(bench, wet, *([twin] if listed else []), **ties)
+    assert entry["why"].startswith("no controls were found that would tell the rivals apart; the least certain number")
 
 
 def test_rivals_that_are_open_are_told_apart(bench, wet) -> None:

@@ -124,9 +124,22 @@ def test_noise_that_differences_would_show_louder_or_quieter_is_no_filters(clean
     assert noise_behind(*with_noise(clean, floor, 1e-3, 0.7)) is None
 
 
+@pytest.mark.parametrize("times", [1.4, 2.0, 0.7])
+def test_beside_a_quick_motion_differences_may_see_more_than_the_noise(clean, monkeypatch, times: float) -> None:
+    """They may see no less. What is slow in the noise may be louder alone."""
+    monkeypatch.setattr("torch_activegp.diagnosis.preparation.noise_left.moves_quickly", lambda runs, channel: True)
+    floor = times * 1e-3 * np.sqrt((1 - 0.7**2) * high_differences((0.7, 0.0)))
+    found = noise_behind(*with_noise(clean, floor, 1e-3, 0.7))
+    assert (found is not None) == (times > 1.0)
+    if found is not None:
+        assert found.innovation[0] == pytest.approx(1e-3 * np.sqrt(1 - 0.7**2), rel=0.15)
+
+
+@pytest.mark.parametrize("moves", [True, False])
 @pytest.mark.parametrize("hertz", [0.5, 2.0, 6.0, 8.0])
 @pytest.mark.parametrize("size", [1e-3, 1.5e-3, 3e-3, 1e-2])
-def test_slow_errors_of_physics_beside_white_noise_are_no_filters(clean, hertz: float, size: float) -> None:
+def test_slow_errors_of_physics_beside_white_noise_are_no_filters(clean, monkeypatch, hertz, size, moves) -> None:
+    monkeypatch.setattr("torch_activegp.diagnosis.preparation.noise_left.moves_quickly", lambda runs, channel: moves)
     shooting, fit = with_noise(clean, 1e-3, 1e-3)
     rng = np.random.default_rng(7)
     time = np.arange(shooting.segments.intervals + 1) / 100

@@ -204,7 +204,7 @@ def test_where_something_touches_a_form_must_do_justice_to_the_nominal_too(clean
     judged = precise.fit([((clean.effect("viscous_friction"),), (np.array([0.001]),))], nominal.starts)[0]
     working = dataclasses.replace(shooting, engine=made.middle).corrected(made.fine, judged)
     bare = dataclasses.replace(nominal, chi2=(1.01 if fair else 1.1) * nominal.chi2)
-    chosen, other, again = numerics._just(working, precise, nominal, bare, judged)
+    chosen, other, again = agreement.just(working, precise, nominal, bare, judged)
     assert (chosen is working and other is bare and again is judged) == fair
     if not fair:
         assert chosen is precise
@@ -290,3 +290,36 @@ def test_discretisation_alone_tells_nothing(clean, monkeypatch) -> None:
     _, working, _, judged = made.choose(shooting.segments, shooting.noise, coarse, coarse)
     assert working.segments.size == shooting.segments.size
     assert judged.chi2 / working.dof == pytest.approx(1.0, abs=0.2)
+
+
+def test_behind_names_that_leave_more_than_noise_the_own_integrator_is_tried_once_more(clean, monkeypatch) -> None:
+    """What seemed no closer before the names were fitted, may be behind them."""
+    made = Numerics.of(clean.integrated("Euler", 0.01), 1)
+    shooting = truth_of(clean, made, "fine", 0.1)
+    own, friction = made.own[0], (clean.effect("viscous_friction"),)
+    fit = shooting.fit([(friction, (np.array([0.001]),))], clean.nominal.starts)[0]
+    asked: list[float] = []
+    now: dict[str, float] = {}
+
+    def closer(self, forms, first, rough, rivals):
+        asked.append(rivals[0].left)
+        return [Rival(own, np.zeros(0), now["nearer"] * rivals[0].left, 0.0)]
+
+    monkeypatch.setattr(Numerics, "_own_rivals", closer)
+    monkeypatch.setattr(Numerics, "_working", lambda *_: (shooting, dataclasses.replace(fit, chi2=now["chi2"])))
+    dof = shooting.dof
+    loud, quiet = (dataclasses.replace(fit, chi2=times * dof) for times in (2.0, 1.0))
+    bare = dataclasses.replace(loud, effects=(), values=())
+    for judged, nearer, chi2, looked, taken in (
+        (loud, 0.5, dof, 1, True),
+        (loud, 0.5, 3.0 * dof, 1, False),
+        (loud, 0.99, dof, 1, False),
+        (quiet, 0.5, 0.1 * dof, 0, False),
+        (bare, 0.5, dof, 0, False),
+    ):
+        asked.clear()
+        now |= {"nearer": nearer, "chi2": chi2}
+        engine, _, best = made._own_behind(judged.chi2, made.fine, shooting, judged, shooting, dof)
+        assert len(asked) == looked
+        assert (engine is own) == taken
+        assert best.chi2 == (chi2 if taken else judged.chi2)

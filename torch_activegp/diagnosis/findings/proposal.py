@@ -21,6 +21,7 @@ _OPEN = 20.0
 _MOST = 0.1
 """Least part that is promised of a standard error. Where motions part for ever, as those of two links that swing
 freely, the chi2 by which they differ promised 5e-4."""
+_SETTLED, _UNTOLD = "no rival is left", "no controls were found that would tell the rivals apart"
 _ENDS = 2.0
 """Standard errors from a parameter's estimate to the ends that are to be told apart."""
 
@@ -55,19 +56,21 @@ def propose(
             return found
     if not certain:
         return None
-    ends = least_certain(judgement.fit, covariance(shooting, judgement.fit))
+    open_ones = bool(others) or any(judgement.ties)
+    ends = least_certain(judgement.fit, covariance(shooting, judgement.fit), _UNTOLD if open_ones else _SETTLED)
     if ends is None:
         return None
     fits, telling = ends
     return next_experiment(engine, fits, runs, shooting.noise, seed, shooting.differences, telling)
 
 
-def least_certain(fit: Fit, covariance: Array) -> tuple[list[Fit], Telling] | None:
+def least_certain(fit: Fit, covariance: Array, before: str = _SETTLED) -> tuple[list[Fit], Telling] | None:
     """A fit with its least certain parameter at either end of its interval, the others following.
 
     Args:
         fit: of a set.
         covariance: of its parameters, ``(P, P)``.
+        before: what is said first, of the rivals.
 
     Returns:
         Two fits, and what telling them apart tells; None where no parameter is known at all.
@@ -89,12 +92,12 @@ def least_certain(fit: Fit, covariance: Array) -> tuple[list[Fit], Telling] | No
         share = max(1.0 / np.sqrt(1.0 + gain / (2.0 * _ENDS) ** 2), _MOST)
         if not known:
             return (
-                f"no rival is left; least certain is {effect.name} at {effect.target}, whose standard errors these "
+                f"{before}; least certain is {effect.name} at {effect.target}, whose standard errors these "
                 f"controls would bring to about {100 * share:.2g} % of what they are"
             )
         narrower = f"{share * error[place]:.2g}{unit}"
         return (
-            f"no rival is left; the least certain number is the {what}, whose standard error these controls would "
+            f"{before}; the least certain number is the {what}, whose standard error these controls would "
             f"bring from {error[place]:.2g}{unit} to {f'about {narrower}' if share > _MOST else f'{narrower} or less'}"
         )
 

@@ -71,7 +71,13 @@ def hides_filters(runs: Sequence[Run], channel: int) -> bool:
     if any(run.video for run in runs) or noise_from_periods(runs, channel) is not None:
         return False
     unseen = _lowest(runs) > _NARROW or all(_uneven(run) or _spectrum(run, channel) is None for run in runs)
-    return unseen or ((band := _above_motion(runs, channel)) is not None and band.moves)
+    return unseen or moves_quickly(runs, channel)
+
+
+def moves_quickly(runs: Sequence[Run], channel: int) -> bool:
+    """Whether the motion goes on to the end of the spectrum; then differences may see more than the noise too."""
+    band = _above_motion(runs, channel)
+    return band is not None and band.moves
 
 
 def finest(runs: Sequence[Run]) -> Array:
@@ -140,7 +146,7 @@ def _above_motion(runs: Sequence[Run], channel: int) -> _Band | None:
     poles, level = _closest(frequency, power)
     shown = level**2 * high_differences(poles)
     seen = float(np.median([run.noise[channel] ** 2 for run, _ in found]))
-    return _Band(poles, level, any(poles) and (shown > _SHOWN * seen or _moves(frequency, power)))
+    return _Band(poles, level, shown > _SHOWN * seen or _moves(frequency, power))
 
 
 def _moves(frequency: Array, power: Array) -> bool:

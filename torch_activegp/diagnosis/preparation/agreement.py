@@ -171,3 +171,26 @@ def _as_recorded(shooting: Shooting, fit: Fit) -> Array:
     states[:, places] += seen[:, places] - read
     states[:, speeds] = seen[:, speeds]
     return states
+
+
+def just(working: Shooting, precise: Shooting, nominal: Fit, bare: Fit, judged: Fit) -> tuple[Shooting, Fit, Fit]:
+    """The likelihood, and fits of the nominal and of a set, by a form that does justice to the nominal too.
+
+    Where something touches, a correction that was made for the set is wrong at the instants at which the nominal
+    touches: the nominal left 1.17 of the noise for 0.86 so, and a stop was named that explained the difference.
+
+    Args:
+        working: the likelihood by a form, corrected by the precise one behind the set.
+        precise: that by the precise form.
+        nominal: a fit of the nominal, whose states the precise form does not need to move.
+        bare: the nominal's fit by the form.
+        judged: the set's.
+    """
+    if working.engine is precise.engine:
+        return working, bare, judged
+    most = float((precise.residuals(precise.predicted(nominal)) ** 2).sum())
+    if not np.isfinite(most) or bare.chi2 < most + same(precise, most):
+        return working, bare, judged
+    first, other = (precise.fit([(fit.effects, fit.values)], fit.starts, near=fit)[0] for fit in (nominal, judged))
+    sound = np.isfinite(first.chi2) and np.isfinite(other.chi2)
+    return (precise, first, other) if sound else (working, bare, judged)

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from torch_activegp.diagnosis.inputs.runs import Array
-from torch_activegp.diagnosis.noise.floor import finest, hides_filters
+from torch_activegp.diagnosis.noise.floor import finest, hides_filters, moves_quickly
 from torch_activegp.diagnosis.noise.model import (
     SEEN,
     NoiseModel,
@@ -36,6 +36,9 @@ _STRICTLY_HIGH, _STRICTLY_FRESH, _SLOWEST = (0.85, 1.2), 0.07, 0.85
 """The same behind names where a spectrum should have shown the filter, and the largest pole: a tight loop moved up to
 the rates at which it would, or it showed a quicker filter and too little noise. What was left behind one to three names
 showed 0.94 to 1.12 and 0.06 there; behind none, what they explain showed 1.06 and 0.08, at a pole of 0.94."""
+_LESS_HIGH = (0.2, 1.25)
+"""For the variance, beside a motion that high differences see too: a servo's at 250 Hz showed 1.4 and 3.4 times the
+noise."""
 _CHANCE = 4.0
 """Standard deviations of what chance makes of a correlation."""
 _LOUDER = 1.2
@@ -72,8 +75,8 @@ def noise_behind(
     for channel, left in enumerate(_left(shooting, fit)):
         own, first = _of(old, channel), _of(floor or old, channel)
         new = _quieter(left, own, first, last)
-        if new is None and (filtered := _filtered(left, own, first)) is not None:
-            new = filtered if hides_filters(shooting.segments.runs, channel) else None
+        if new is None and hides_filters(shooting.segments.runs, channel):
+            new = _filtered(left, own, first, moves_quickly(shooting.segments.runs, channel))
         if new is None and fit.effects:
             new = _surely_filtered(left, own, first)
         if new is not None:
@@ -136,14 +139,21 @@ def _quieter(left: _Left, thought: _Noise, floor: _Noise, last: bool) -> _Noise 
     return _Noise(poles, new) if better else None
 
 
-def _filtered(left: _Left, thought: _Noise, floor: _Noise) -> _Noise | None:
-    """The noise of a channel where a filter hides most of it from a floor that took it for white."""
+def _filtered(left: _Left, thought: _Noise, floor: _Noise, moves: bool = False) -> _Noise | None:
+    """The noise of a channel where a filter hides most of it from a floor that took it for white.
+
+    Where the motion goes on to the end of the spectrum, high differences see more than the noise: what is new must be
+    the whiter, and need be no louder if what is slow is; a slight colour is no filter there.
+    """
     poles = left.colour()
     new = left.innovation(poles)
-    if any(floor.poles) or any(thought.poles) or not any(poles) or new < _LOUDER * thought.innovation:
+    slow = new / (1.0 - sum(poles)) ** 2 if moves else new
+    known, slight = any(floor.poles) or any(thought.poles), poles[0] <= (_SLIGHT if moves else 0.0)
+    if known or slight or slow < _LOUDER * thought.innovation:
         return None
     noise = _Noise(poles, new)
-    return noise if _shows_the_floor(left, noise, floor, _SAME_HIGH, _FRESH) else None
+    high, fresh = (_LESS_HIGH, _STRICTLY_FRESH) if moves else (_SAME_HIGH, _FRESH)
+    return noise if _shows_the_floor(left, noise, floor, high, fresh) else None
 
 
 def _surely_filtered(left: _Left, thought: _Noise, floor: _Noise) -> _Noise | None:
