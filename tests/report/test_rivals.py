@@ -52,6 +52,13 @@ def test_a_law_by_another_name_is_not_ruled_out_by_what_its_name_costs(gap: floa
     assert [row["word"] for row in rows] == ["", word, *["ruled out"] * 3]
 
 
+def test_a_rival_behind_by_rounding_alone_is_as_good_as_the_best() -> None:
+    effects = [[{"name": name, "target": "joint:elbow"}] for name in ("constant_force", "linear_spring", "cogging")]
+    found = [{"effects": some, "delta_bic": gap} for some, gap in zip(effects, (0.0, 6e-12, 0.5), strict=True)]
+    rows = rivals({"verdict": "tie", "effects": effects[0], "rivals": found}, {}).content["rows"]
+    assert [row["gap"] for row in rows] == ["best", "best", "0.5"]
+
+
 def test_the_many_rivals_go_behind_a_fold(fakes: Any) -> None:
     diagnosis, evidence = fakes["named"]()
     content = rivals(diagnosis | {"rivals": diagnosis["rivals"] * 2}, evidence).content

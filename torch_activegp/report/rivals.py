@@ -10,7 +10,7 @@ from torch_activegp.report.words import bic_word, capital, effect_text, effects_
 
 _FIRST = 8
 _HARDLY = 1e-12
-_CLOSE = 2.0
+_CLOSE, _ROUNDING = 2.0, 1e-6
 _LONG = 2
 """A set of more effects than these that contains the best one is told by what it adds."""
 _TIE, _SAME = 6.0, "the same law"
@@ -81,8 +81,11 @@ def _stands_in(rival: Values, best: Values, diagnosis: Values) -> bool:
 
 
 def _gap(rival: Values, best: Values) -> float | None:
+    """Points between two; none where they differ by rounding alone."""
     here, there = rival.get("delta_bic"), best.get("delta_bic")
-    return abs(here - there) if is_number(here) and is_number(there) else None
+    if not (is_number(here) and is_number(there)):
+        return None
+    return gap if (gap := abs(here - there)) > _ROUNDING else 0.0
 
 
 def _key(effects: list[Values]) -> frozenset[Any]:
