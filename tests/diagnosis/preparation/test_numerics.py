@@ -302,6 +302,7 @@ def test_behind_names_that_leave_more_than_noise_the_own_integrator_is_tried_onc
     now: dict[str, float] = {}
 
     def closer(self, forms, first, rough, rivals):
+        assert made.fine in [rival.engine for rival in rivals]
         asked.append(rivals[0].left)
         return [Rival(own, np.zeros(0), now["nearer"] * rivals[0].left, 0.0)]
 
@@ -319,7 +320,22 @@ def test_behind_names_that_leave_more_than_noise_the_own_integrator_is_tried_onc
     ):
         asked.clear()
         now |= {"nearer": nearer, "chi2": chi2}
-        engine, _, best = made._own_behind(judged.chi2, made.fine, shooting, judged, shooting, dof)
+        engine, _, best = made._own_behind(judged.chi2, made.given, shooting, judged, shooting, dof)
         assert len(asked) == looked
         assert (engine is own) == taken
         assert best.chi2 == (chi2 if taken else judged.chi2)
+
+
+def test_the_second_look_at_the_own_integrator_asks_forms_of_any_length(clean) -> None:
+    """As it is, with nothing replaced: truth in short steps of the model's own integrator, names off by something."""
+    made = Numerics.of(clean.integrated("Euler", 0.01), 1)
+    shooting = truth_of(clean, made, "fine", 0.1)
+    truth = made.own[3].predict(shooting.segments, clean.nominal.starts[None], [NOMINAL])[0]
+    seen = dataclasses.replace(shooting, segments=dataclasses.replace(shooting.segments, position=truth))
+    friction = (clean.effect("viscous_friction"),)
+    working = dataclasses.replace(seen, engine=made.given, noise=QUIET)
+    fit = working.fit([(friction, (np.array([0.001]),))], clean.nominal.starts)[0]
+    assert fit.chi2 > 2.0 * working.dof
+    engine, _, best = made._own_behind(fit.chi2, made.given, working, fit, working, working.dof)
+    assert engine in made.own
+    assert best.chi2 < 0.1 * fit.chi2

@@ -173,8 +173,8 @@ class Numerics(Forms):
         if self.stiff or not own or not judged.effects or judged.chi2 < NOISE_ALONE * first.dof:
             return engine, working, judged
         here = self._rough(first, judged, ())
-        held = Rival.at(first, engine, here)
-        for rival in self._own_rivals(own, first, here, [held]):
+        held, *others = [Rival.at(first, form, here) for form in dict.fromkeys((engine, self.fine))]
+        for rival in self._own_rivals(own, first, here, [held, *others]):
             if rival.left < (1.0 - _DISCRETE) * held.left:
                 closer, fit = self._working(rival, first, here, np.inf)
                 if self._cost(rival.engine, fit, fit.chi2 * dof / first.dof, dof) < cost:
