@@ -77,8 +77,8 @@ def noise_behind(
         new = _quieter(left, own, first, last)
         if new is None and hides_filters(shooting.segments.runs, channel):
             new = _filtered(left, own, first)
-        if new is None and moves_quickly(shooting.segments.runs, channel):
-            new = _filtered(left, own, first, moves=True)
+            if new is None and moves_quickly(shooting.segments.runs, channel):
+                new = _filtered(left, own, first, moves=True)
         if new is None and fit.effects:
             new = _surely_filtered(left, own, first)
         if new is not None:
