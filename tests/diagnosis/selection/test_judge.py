@@ -138,6 +138,22 @@ def test_less_may_be_left_behind_many_names(bench, monkeypatch, many: int, verdi
     assert judged.verdict == verdict
 
 
+@pytest.mark.parametrize("rule", [("CLEAR", "SEEN_CLEARLY"), ("LOUD", "SEEN_LOUD")])
+@pytest.mark.parametrize(
+    ("above", "least", "verdict"), [(0.9, 0.04, "unknown"), (1.1, 0.04, "named"), (0.9, 0.15, "named")]
+)
+def test_less_may_be_left_where_it_is_many_times_the_noise(bench, monkeypatch, rule, above, least, verdict) -> None:
+    effect = bench.effect("viscous_friction")
+    most = bench.shooting.fit([((effect,), (np.array([0.045]),))], bench.nominal.starts, hold=True)[0]
+    for name, value in (("SEEN", 0.15), ("CLEAR", np.inf), ("LOUD", np.inf)):
+        monkeypatch.setattr(f"torch_activegp.diagnosis.selection.judge.{name}", value)
+    for name, value in zip(rule, (above * most.chi2 / bench.shooting.dof, least), strict=True):
+        monkeypatch.setattr(f"torch_activegp.diagnosis.selection.judge.{name}", value)
+    judged = judge(bench.shooting, selection(bench, most))
+    assert 0.04 < judged.unexplained < 0.15
+    assert judged.verdict == verdict
+
+
 @pytest.mark.parametrize(("cut_short", "verdict"), [(True, "unknown"), (False, "named")])
 def test_less_may_be_left_by_a_search_that_was_cut_short(bench, monkeypatch, cut_short, verdict) -> None:
     """Also where what is left would not be seen otherwise."""
