@@ -83,6 +83,16 @@ def test_a_quick_motion_is_no_colour(make_plain_run) -> None:
         assert hides_filters([run], 0)
 
 
+def test_a_quick_motion_that_shows_no_more_to_differences_than_there_is_falls_off_too_steeply(make_plain_run) -> None:
+    """Two poles of 0.94 and 134 times the noise are as loud at the upper end as what differences see."""
+    target = np.cumsum(1e-3 * np.random.default_rng(1).normal(size=4000))
+    moved = signal.lfilter([0.0, 0.02, 0.02], [1.0, -1.6, 0.64], target)
+    position = moved + 6e-6 * filtered((0.0, 0.0), 4000)
+    run = make_plain_run(position, noise=noise_std(torch.from_numpy(position)))
+    assert noise_floor([run]).scale[0] == pytest.approx(6e-6, rel=0.2)
+    assert hides_filters([run], 0)
+
+
 def test_runs_that_show_no_spectrum_do_not_say_what_differences_see(make_plain_run) -> None:
     """A quiet run that is too short for a spectrum, and others that differ in loudness, leave the filter what it is."""
     noise = filtered((0.8, 0.0), 12000)
