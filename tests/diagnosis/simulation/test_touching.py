@@ -2,8 +2,9 @@ from __future__ import annotations
 
 import mujoco
 import numpy as np
+import pytest
 
-from torch_activegp.diagnosis.simulation.touching import touching, widened
+from torch_activegp.diagnosis.simulation.touching import is_tied, touching, widened
 
 
 def test_rows_at_a_limit_touch_and_a_wider_model_sees_them_before(bench) -> None:
@@ -33,3 +34,26 @@ def test_what_is_about_to_touch_is_seen_before() -> None:
             data = mujoco.MjData(model)
             mujoco.mj_fwdPosition(model, data)
             assert data.ncon == wanted
+
+
+@pytest.mark.parametrize(
+    ("tendon", "equality", "tied"),
+    [
+        ("", "", False),
+        ("", '<equality><joint joint1="one" joint2="other"/></equality>', True),
+        ('group="1"', "", False),
+        ('frictionloss="0.1"', "", True),
+        ('armature="0.1"', "", True),
+        ('stiffness="3"', "", True),
+        ('damping="0.1"', "", True),
+        ('limited="true" range="-1 1"', "", True),
+    ],
+)
+def test_a_tendon_that_only_passes_on_what_a_drive_pulls_ties_nothing(tendon: str, equality: str, tied: bool) -> None:
+    body = '<body><joint name="{}" type="slide"/><geom size="0.1"/></body>'
+    cable = f"""<tendon><fixed name="cable" {tendon}><joint joint="one" coef="2"/></fixed></tendon>
+        <actuator><motor tendon="cable"/></actuator>"""
+    model = mujoco.MjModel.from_xml_string(f"""<mujoco><worldbody>{body.format("one")}{body.format("other")}</worldbody>
+        {cable if tendon else ""}{equality}</mujoco>""")
+    assert model.ntendon == bool(tendon)
+    assert is_tied(model) == tied

@@ -19,7 +19,7 @@ from torch_activegp.diagnosis.simulation.candidate import NOMINAL
 from torch_activegp.diagnosis.simulation.engine import IMPLICIT_FAST, Engine, substeps_for
 from torch_activegp.diagnosis.simulation.leapfrog import is_of_second_order
 from torch_activegp.diagnosis.simulation.prescribed_motion import RUNGE_KUTTA
-from torch_activegp.diagnosis.simulation.touching import touching
+from torch_activegp.diagnosis.simulation.touching import is_tied, touching
 from torch_activegp.physics.friction import sticking
 
 _STEP = 0.005
@@ -103,7 +103,7 @@ class Forms:
         model, step = machine.model, median_step(machine.fit)
         make: Make = functools.partial(Engine, channels=machine.channels, nthread=nthread)
         few, plain, part = _steps(step, _STEP), substeps_for(model, machine.fit), _touching(machine)
-        tied = bool(model.neq or model.ntendon)
+        tied = is_tied(model)
         stiff, free = tied or part > _TOUCHING, part == 0.0
         stride = 1 if stiff else max(int(_STEP / step + 1e-6), 1)
         given = make(model, substeps=plain)

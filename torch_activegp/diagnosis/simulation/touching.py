@@ -1,4 +1,4 @@
-"""In which recorded poses bodies touch, or joints are at their limits."""
+"""In which recorded poses bodies touch, or joints are at their limits; and whether constraints tie bodies together."""
 
 from __future__ import annotations
 
@@ -26,6 +26,13 @@ def touching(model: mujoco.MjModel, channels: Channels, run: Run, rows: NDArray[
         mujoco.mj_fwdPosition(model, data)
         out[i] = bool(data.ncon or data.nl)
     return out
+
+
+def is_tied(model: mujoco.MjModel) -> bool:
+    """Whether equalities tie bodies of a model together, or tendons that do more than pass on what a drive pulls."""
+    tendons = model.tendon_limited, model.tendon_frictionloss, model.tendon_armature
+    forces = model.tendon_stiffness, model.tendon_stiffnesspoly, model.tendon_damping, model.tendon_dampingpoly
+    return bool(model.neq or any(field.any() for field in (*tendons, *forces)))
 
 
 def widened(model: mujoco.MjModel) -> mujoco.MjModel:
