@@ -70,3 +70,21 @@ def test_a_long_search_that_leaves_much_was_in_vain(bench, monkeypatch, cut: boo
     naming = Naming(bench.engine, bench.shooting, bench.nominal, bench.nominal)
     numerics = Numerics.of(bench.machine, 1)
     assert module.on_a_part(naming, numerics, bench.shooting.noise, [], lambda _: None).in_vain == vain
+
+
+@pytest.mark.parametrize("most", [True, False])
+def test_numerics_are_not_chosen_behind_names_that_leave_most(bench, monkeypatch, most: bool) -> None:
+    """And the search goes on from what it has compared."""
+    monkeypatch.setattr(module, "leaves_most", lambda *_: most)
+    for name, value in (("_ENOUGH", 1.0), ("FEWEST", 1.0), ("NOISE_ALONE", 0.0)):
+        monkeypatch.setattr(module, name, value)
+    calls: list[str] = []
+    for owner, name in ((module, "select"), (module, "go_on"), (Numerics, "choose")):
+        real = getattr(owner, name)
+        monkeypatch.setattr(owner, name, lambda *a, r=real, n=name, **k: calls.append(n) or r(*a, **k))
+    naming = Naming(bench.engine, bench.shooting, bench.nominal, bench.nominal)
+    effects = [bench.effect("coulomb_friction"), bench.effect("quadratic_drag")]
+    numerics, noise = Numerics.of(bench.machine, 1), bench.shooting.noise
+    found = module.on_a_part(naming, numerics, noise, effects, lambda _: None)
+    assert calls == (["select", "go_on"] if most else ["select", "choose", "select"])
+    assert found.sets

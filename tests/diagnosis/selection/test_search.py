@@ -1,6 +1,7 @@
 from __future__ import annotations
 
 import dataclasses
+from collections.abc import Sequence
 
 import mujoco
 import numpy as np
@@ -12,10 +13,12 @@ from torch_activegp.diagnosis.inputs.segments import cut
 from torch_activegp.diagnosis.noise.model import NoiseModel
 from torch_activegp.diagnosis.selection import search as module
 from torch_activegp.diagnosis.selection.compared import Selection
+from torch_activegp.diagnosis.selection.development import expand
 from torch_activegp.diagnosis.selection.search import (
     Depth,
     _only_undoes,
     _seems_tuned,
+    go_on,
     search,
     select,
 )
@@ -23,6 +26,7 @@ from torch_activegp.diagnosis.shooting.fit import Fit
 from torch_activegp.diagnosis.shooting.likelihood import Shooting
 from torch_activegp.diagnosis.shooting.linearize import linearize
 from torch_activegp.diagnosis.shooting.score import Score
+from torch_activegp.physics.effect import Effect
 
 NAMES = ("viscous_friction", "coulomb_friction", "quadratic_drag", "constant_force", "armature_error")
 FINE = 1e-4
@@ -112,7 +116,8 @@ def test_two_names_that_leave_most_are_no_end(bench) -> None:
     selection.rescale(bench.shooting.dof)
     effects = [bench.effect("viscous_friction"), *astray]
     done = {frozenset(some) for some in (astray, astray[:1], astray[1:])}
-    search(selection, bench.shooting, effects, done, lambda words: None, Depth().counted_from(bench.shooting.work))
+    selection.developed |= done
+    search(selection, bench.shooting, effects, lambda words: None, Depth().counted_from(bench.shooting.work))
     assert selection.best.keys == {("viscous_friction", "joint:hip")}
 
 
@@ -217,7 +222,7 @@ def test_a_search_that_ends_there_simplifies_what_it_found_last(bench, monkeypat
     """A friction of two levels that are the same stood for one: it had come in a swap, after which nothing was done."""
     two = bench.fit("asymmetric_friction", 0.06, 0.06)
     selection = Selection(bench.nominal, [bench.nominal, two], Score(bench.shooting.samples, 60, 1.0))
-    search(selection, bench.shooting, bench.effects, set(), lambda words: None, Depth(work=0.0))
+    search(selection, bench.shooting, bench.effects, lambda words: None, Depth(work=0.0))
     assert selection.cut_short
     assert selection.best.keys == {("viscous_friction", "joint:hip")}
 
@@ -236,7 +241,7 @@ def test_of_the_best_two_sets_the_second_is_not_developed_after_that(bench, monk
     near = dataclasses.replace(bench.fit("quadratic_drag", 0.05), chi2=wet.chi2 + 1.0)
     selection = Selection(bench.nominal, [bench.nominal, wet, near], Score(bench.shooting.samples, 60, 2.0))
     monkeypatch.setattr(Selection, "rescale", lambda *_: None)
-    search(selection, bench.shooting, [], set(), lambda words: None, Depth(1, 0).counted_from(bench.shooting.work))
+    search(selection, bench.shooting, [], lambda words: None, Depth(1, 0).counted_from(bench.shooting.work))
     assert len(seen) == developed
 
 
@@ -254,8 +259,27 @@ def test_what_costs_more_than_a_best_that_leaves_noise_alone_is_not_developed(
     seen = []
     monkeypatch.setattr("torch_activegp.diagnosis.selection.search.expand", lambda *args: seen.append(args[3]))
     depth = Depth(swaps=0).counted_from(bench.shooting.work)
-    search(selection, bench.shooting, [], {frozenset(wet.effects)}, lambda words: None, depth)
+    selection.developed.add(frozenset(wet.effects))
+    search(selection, bench.shooting, [], lambda words: None, depth)
     assert len([fit for fit in seen if fit is more]) == developed
+
+
+def test_a_search_that_goes_on_develops_nothing_twice(bench, monkeypatch) -> None:
+    developed: list[frozenset[Effect]] = []
+
+    def note(selection: Selection, shooting: Shooting, effects: Sequence[Effect], fit: Fit, work: float) -> None:
+        developed.append(frozenset(fit.effects))
+        expand(selection, shooting, effects, fit, work)
+
+    monkeypatch.setattr("torch_activegp.diagnosis.selection.search.expand", note)
+    effects = [bench.effect(name) for name in ("coulomb_friction", "cubic_spring", "quadratic_drag")]
+    glance = select(bench.shooting, effects, bench.nominal, depth=Depth(rounds=1, swaps=0, stepwise=False))
+    assert developed == [frozenset()]
+    glance.cut_short = True  # of which the further search says its own
+    whole = Depth().counted_from(bench.shooting.work)
+    assert go_on(glance, bench.shooting, effects, lambda words: None, whole) is glance
+    assert len(developed) == len(set(developed)) > 1
+    assert not glance.cut_short
 
 
 def test_what_cannot_pay_is_not_developed(bench, monkeypatch) -> None:
@@ -265,7 +289,7 @@ def test_what_cannot_pay_is_not_developed(bench, monkeypatch) -> None:
     monkeypatch.setattr("torch_activegp.diagnosis.selection.search.expand", lambda *args: seen.append(args[3]))
     for pays in (False, True):
         monkeypatch.setattr(Selection, "may_pay", lambda *_, pays=pays: pays)
-        search(selection, bench.shooting, [], set(), lambda words: None, Depth(2, 0).counted_from(bench.shooting.work))
+        search(selection, bench.shooting, [], lambda words: None, Depth(2, 0).counted_from(bench.shooting.work))
         assert [fit is wet for fit in seen] == [True] * pays
 
 

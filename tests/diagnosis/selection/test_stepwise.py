@@ -43,12 +43,12 @@ class Steps:
         for letters in self.left:
             if len(letters) == 1:
                 self.add(letters)
-        expanded = {frozenset(self.fit(letters).effects) for letters in done}
+        self.selection.developed |= {frozenset(self.fit(letters).effects) for letters in done}
 
         def may_go_on(fit: Fit) -> bool:
             return len(fit.effects) <= most
 
-        return one_by_one(self.selection, self.bench.shooting, expanded, self.develop, may_go_on, least)
+        return one_by_one(self.selection, self.bench.shooting, self.develop, may_go_on, least)
 
 
 TRUE = {"v": 0.3, "c": 0.4, "h": 0.35, "vc": 0.2, "vcq": 0.0, "vch": 0.15}

@@ -42,6 +42,7 @@ class Selection:
         cut_short: whether sets that could still have become the best were not developed.
         beside: the set from whose initial states smaller ones were fitted last.
         parts: fits of parts of a set that were not compared, by the effects of the set and theirs.
+        developed: sets on top of which others were fitted.
         simplified: chi2 of the best sets in place of which simpler ones were tried, and the scores that these had.
         tunable: all effects that a modeller may have tuned.
         one_gains: the most that one of these gains on top of the nominal, to first order; None until it is asked for.
@@ -53,6 +54,7 @@ class Selection:
     cut_short: bool = False
     beside: Fit | None = None
     parts: dict[tuple[frozenset[Effect], frozenset[Effect]], Fit] = dataclasses.field(default_factory=dict)
+    developed: set[frozenset[Effect]] = dataclasses.field(default_factory=set)
     simplified: set[tuple[float, Score]] = dataclasses.field(default_factory=set)
     tunable: tuple[Effect, ...] = ()
     one_gains: float | None = None

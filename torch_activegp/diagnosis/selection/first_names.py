@@ -15,7 +15,7 @@ from torch_activegp.diagnosis.preparation.lengths import nominal_in_brief
 from torch_activegp.diagnosis.preparation.numerics import Numerics
 from torch_activegp.diagnosis.selection.compared import Selection
 from torch_activegp.diagnosis.selection.prospects import hopeless, leaves_most
-from torch_activegp.diagnosis.selection.search import Depth, select
+from torch_activegp.diagnosis.selection.search import Depth, go_on, select
 from torch_activegp.diagnosis.shooting.fit import Fit
 from torch_activegp.diagnosis.shooting.likelihood import Shooting
 from torch_activegp.diagnosis.shooting.score import NOISE_ALONE
@@ -114,15 +114,16 @@ def on_a_part(
     if chosen.score.scale > most:
         return naming
     if chosen.best.effects and chosen.score.scale > NOISE_ALONE:
-        sets, free, seen = leaders(chosen), chosen.score.free, chosen.best
-        if not leaves_most(chosen, part):  # behind them another form may agree better
+        if leaves_most(chosen, part):
+            chosen = go_on(chosen, part, effects, tell, _ON_A_PART.counted_from(part.work))
+        else:  # behind them another form may agree better
+            sets, free = leaders(chosen), chosen.score.free
             engine, shooting, nominal, judged = numerics.choose(shooting.segments, noise, nominal, nominal, sets)
             naming = dataclasses.replace(naming, engine=engine, shooting=shooting, nominal=nominal, judged=judged)
             part, which = _part(shooting, nominal)
             rough, there = nominal.pick(which), judged.pick(which)
             seen = part.fit([(there.effects, there.values)], there.starts, near=there)[0]
-        others = besides(sets, seen)
-        chosen = select(part, effects, rough, others, seen, tell, free, _ON_A_PART)
+            chosen = select(part, effects, rough, besides(sets, seen), seen, tell, free, _ON_A_PART)
     best, lost = frozenset(chosen.best.effects), hopeless(chosen, part)
     in_vain = chosen.cut_short and chosen.score.scale > _MUCH
     return dataclasses.replace(

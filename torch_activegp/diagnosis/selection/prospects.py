@@ -14,10 +14,10 @@ MAX_EFFECTS = 4
 _HOPELESS = 0.5
 
 
-def cannot_win(selection: Selection, fit: Fit, expanded: Collection[frozenset[Effect]]) -> bool:
+def cannot_win(selection: Selection, fit: Fit) -> bool:
     """Whether a set costs more than the best one, which leaves noise alone and was developed to no avail."""
     best, score = selection.best, selection.score
-    done = score.scale < NOISE_ALONE and frozenset(best.effects) in expanded
+    done = score.scale < NOISE_ALONE and frozenset(best.effects) in selection.developed
     return done and score.price(fit.effects) > score.price(best.effects)
 
 

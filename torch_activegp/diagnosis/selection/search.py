@@ -91,8 +91,22 @@ def select(
     if not depth.rounds:
         selection.cut_short = True
         return selection
-    expanded: Seen = set()
-    search(selection, shooting, effects, expanded, tell, depth)
+    return go_on(selection, shooting, effects, tell, depth)
+
+
+def go_on(
+    selection: Selection,
+    shooting: Shooting,
+    effects: Sequence[Effect],
+    tell: Callable[[str], None],
+    depth: Depth,
+) -> Selection:
+    """Searches further, in place, from what was compared by the same likelihood; see :func:`select`.
+
+    Work is counted already (:meth:`Depth.counted_from`).
+    """
+    selection.cut_short = False
+    search(selection, shooting, effects, tell, depth)
     found = selection.best
     if not selection.cut_short:
         try_tuned(selection, shooting, effects)
@@ -101,10 +115,10 @@ def select(
         undo(selection, shooting, effects)
     if (tuned or selection.best is not found) and not selection.cut_short:
         simplify(selection, shooting, effects)
-        search(selection, shooting, effects, expanded, tell, depth)
+        search(selection, shooting, effects, tell, depth)
     if selection.score.free and not _only_undoes(selection, shooting):
         selection.score = selection.score.without_free()
-        search(selection, shooting, effects, expanded, tell, depth)
+        search(selection, shooting, effects, tell, depth)
     return selection
 
 
@@ -112,27 +126,26 @@ def search(
     selection: Selection,
     shooting: Shooting,
     effects: Sequence[Effect],
-    expanded: Seen,
     tell: Callable[[str], None],
     depth: Depth,
 ) -> None:
     """Develops the best sets until none is left that could become the best."""
 
     def develop(fit: Fit) -> None:
-        expanded.add(frozenset(fit.effects))
+        selection.developed.add(frozenset(fit.effects))
         tell(f"testing what comes on top of {len(fit.effects)} effect{'s' * (len(fit.effects) != 1)}")
         expand(selection, shooting, effects, fit, depth.work + depth.more)
 
     def may_go_on(fit: Fit) -> bool:
-        return shooting.work <= depth.work and _is_promising(selection, shooting, fit, expanded, skipped)
+        return shooting.work <= depth.work and _is_promising(selection, shooting, fit, skipped)
 
     def step_by_step(least: int = 1) -> bool:
-        return depth.stepwise and one_by_one(selection, shooting, expanded, develop, may_go_on, least)
+        return depth.stepwise and one_by_one(selection, shooting, develop, may_go_on, least)
 
     resorts = _resorts(selection, shooting, effects, tell, depth, step_by_step)
     skipped: Seen = set()
     for _ in _rounds(selection, shooting, effects, depth):
-        beam = _beam(selection, shooting, expanded, skipped)
+        beam = _beam(selection, shooting, skipped)
         if not beam and not next(resorts, False):
             break
         for fit in filter(may_go_on, beam):
@@ -153,25 +166,25 @@ def _rounds(selection: Selection, shooting: Shooting, effects: Sequence[Effect],
         yield number
 
 
-def _beam(selection: Selection, shooting: Shooting, expanded: Seen, skipped: Seen) -> list[Fit]:
+def _beam(selection: Selection, shooting: Shooting, skipped: Seen) -> list[Fit]:
     """The best sets that were not developed yet; the nominal, where what was found on a part of the data led astray."""
-    known, score = expanded | skipped, selection.score
+    known, score = selection.developed | skipped, selection.score
     beam: list[Fit] = []
     for fit in selection.ranked():
         if len(beam) == BEAM or score(fit) > score(selection.best) + score.slack:
             break
-        others = expanded | {frozenset(other.effects) for other in beam}
+        others = selection.developed | {frozenset(other.effects) for other in beam}
         if frozenset(fit.effects) not in known and not is_alike(selection, fit, others):
             beam.append(fit)
-    astray = not beam and frozenset() not in expanded and hopeless(selection, shooting)
+    astray = not beam and frozenset() not in selection.developed and hopeless(selection, shooting)
     return [selection.nominal] if astray else beam
 
 
-def _is_promising(selection: Selection, shooting: Shooting, fit: Fit, expanded: Seen, skipped: Seen) -> bool:
+def _is_promising(selection: Selection, shooting: Shooting, fit: Fit, skipped: Seen) -> bool:
     """Whether one more name may come on top of a set, and make it the best; else the set is skipped from now on."""
     lost = bool(fit.effects) and hopeless(selection, shooting, least=2)
     room = selection.score.names_in(fit.effects) < MAX_EFFECTS and selection.may_pay(fit, shooting.dof)
-    promising = room and not lost and not cannot_win(selection, fit, expanded)
+    promising = room and not lost and not cannot_win(selection, fit)
     if not promising:
         skipped.add(frozenset(fit.effects))
     return promising

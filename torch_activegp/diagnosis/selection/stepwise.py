@@ -9,13 +9,11 @@ from torch_activegp.diagnosis.selection.prospects import MAX_EFFECTS, hopeless
 from torch_activegp.diagnosis.shooting.fit import Fit
 from torch_activegp.diagnosis.shooting.likelihood import Shooting
 from torch_activegp.diagnosis.shooting.score import NOISE_ALONE
-from torch_activegp.physics.effect import Effect
 
 
 def one_by_one(
     selection: Selection,
     shooting: Shooting,
-    expanded: set[frozenset[Effect]],
     develop: Callable[[Fit], None],
     may_go_on: Callable[[Fit], bool],
     least: int = 1,
@@ -29,7 +27,6 @@ def one_by_one(
     Args:
         selection: where a set leaves noise alone, all leave nearly all, or it was cut short, nothing is done.
         shooting: the likelihood.
-        expanded: sets that were developed already.
         develop: fits what is promising on top of a set, and notes that.
         may_go_on: whether to develop a set; where not, nothing comes after it.
         least: names in the best set from which on it is asked.
@@ -42,7 +39,7 @@ def one_by_one(
     if few or before.chi2 < NOISE_ALONE * shooting.dof or hopeless(selection, shooting):
         return False
     while (found := _next(selection, found)) is not None and selection.score.names_in(found.effects) < MAX_EFFECTS:
-        if frozenset(found.effects) in expanded:
+        if frozenset(found.effects) in selection.developed:
             continue
         if not may_go_on(found):
             break

@@ -49,9 +49,9 @@ def also_weak(
         return selection
     tell("testing what is weak")
     _unstuck(shooting, selection)
-    weak = dataclasses.replace(selection, fits=list(selection.fits))
+    weak = dataclasses.replace(selection, fits=list(selection.fits), developed=set())
     weak.score = dataclasses.replace(score, material=_MATERIAL)
-    search(weak, shooting, effects, set(), tell, _DEPTH.counted_from(shooting.work))
+    search(weak, shooting, effects, tell, _DEPTH.counted_from(shooting.work))
     _unstuck(shooting, weak)
     weak.cut_short = selection.cut_short  # this one looks for more than is promised
     more = weak.score.names_in(weak.best.effects) > score.names_in(best.effects)
