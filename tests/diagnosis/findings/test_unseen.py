@@ -10,7 +10,7 @@ from torch_activegp.data import Recording
 from torch_activegp.diagnosis import diagnose
 from torch_activegp.diagnosis.findings.unseen import is_predictable, refutation, taken_back
 from torch_activegp.diagnosis.findings.verdict import decide
-from torch_activegp.diagnosis.inputs.machine import make_machine
+from torch_activegp.diagnosis.inputs.machine import Machine, make_machine
 from torch_activegp.diagnosis.selection.compared import Selection
 from torch_activegp.diagnosis.shooting.score import Score
 from torch_activegp.diagnosis.simulation.candidate import NOMINAL
@@ -56,17 +56,24 @@ def test_names_with_which_forecasts_are_worse_than_without_are_refuted(bench, fr
 
 
 def test_a_run_that_nothing_forecasts_refutes_nothing() -> None:
-    """A double pendulum that turns over doubles an error of its initial state twice a second."""
+    """A double pendulum that turns over doubles an error of its initial state twice a second.
+
+    Its forecast may have left the recording for where it is calm, or the other way round.
+    """
     model = mujoco.MjModel.from_xml_string(DOUBLE)
     time = np.arange(1001) / 100
-    columns = {"time": time, "qpos.upper": 2.5 + 0.1 * np.sin(time), "qpos.lower": 0.1 * np.sin(time)}
-    machine = make_machine(model, [Recording.from_columns("still", columns)], [])
-    engine, runs = Engine(model, substeps=5, channels=machine.channels), machine.fit[:1]
-    wild, calm = np.array([[2.5, 0.1, 0.0, 0.0]]), np.array([[0.1, 0.1, 0.0, 0.0]])
-    assert is_predictable(engine, NOMINAL, runs, calm).tolist() == [True]
-    assert is_predictable(engine, NOMINAL, runs, wild).tolist() == [False]
-    assert refutation(said(30.0, 20.0, runs[0].label), engine, NOMINAL, runs, calm.tolist())
-    assert not refutation(said(30.0, 20.0, runs[0].label), engine, NOMINAL, runs, wild.tolist())
+
+    def recorded(upper: float) -> Machine:
+        columns = {"time": time, "qpos.upper": upper + 0.1 * np.sin(time), "qpos.lower": 0.1 * np.sin(time)}
+        return make_machine(model, [Recording.from_columns("still", columns)], [])
+
+    low, high = (recorded(upper).fit[0] for upper in (0.1, 2.5))
+    engine = Engine(model, substeps=5, channels=recorded(0.1).channels)
+    wild, calm = [2.5, 0.1, 0.0, 0.0], [0.1, 0.1, 0.0, 0.0]
+    for runs, starts, tells in (([low], [calm], True), ([low], [wild], False), ([high], [calm], False)):
+        assert is_predictable(engine, NOMINAL, runs, np.array(starts)).tolist() == [tells]
+        assert (refutation(said(30.0, 20.0, runs[0].label), engine, NOMINAL, runs, starts) is not None) == tells
+    assert is_predictable(engine, NOMINAL, [high, low], np.array([calm, calm])).tolist() == [False, True]
 
 
 def test_without_its_names_a_verdict_is_unknown_and_says_why(bench) -> None:

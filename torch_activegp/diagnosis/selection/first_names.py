@@ -113,8 +113,10 @@ def on_a_part(
     chosen = select(part, effects, rough, naming.sets, tell=tell, free=free, depth=_GLANCE)
     if chosen.score.scale > most:
         return naming
+    through = False
     if chosen.best.effects and chosen.score.scale > NOISE_ALONE:
-        if leaves_most(chosen, part):
+        through = leaves_most(chosen, part)
+        if through:
             chosen = go_on(chosen, part, effects, tell, _ON_A_PART.counted_from(part.work))
         else:  # behind them another form may agree better
             sets, free = leaders(chosen), chosen.score.free
@@ -125,7 +127,7 @@ def on_a_part(
             seen = part.fit([(there.effects, there.values)], there.starts, near=there)[0]
             chosen = select(part, effects, rough, besides(sets, seen), seen, tell, free, _ON_A_PART)
     best, lost = frozenset(chosen.best.effects), hopeless(chosen, part)
-    in_vain = chosen.cut_short and chosen.score.scale > _MUCH
+    in_vain = (chosen.cut_short or (through and lost)) and chosen.score.scale > _MUCH
     return dataclasses.replace(
         naming, sets=leaders(chosen), free=chosen.score.free, best=best, lost=lost, in_vain=in_vain
     )
