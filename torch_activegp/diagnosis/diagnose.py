@@ -25,6 +25,7 @@ from torch_activegp.diagnosis.inputs.fingerprint import fingerprint
 from torch_activegp.diagnosis.inputs.machine import Machine, check_given, make_machine
 from torch_activegp.diagnosis.inputs.runs import Array, input_addresses, median_step
 from torch_activegp.diagnosis.inputs.source import Source, read_source
+from torch_activegp.diagnosis.preparation.missing_rows import as_the_machine_moved
 from torch_activegp.diagnosis.result import Diagnosis
 from torch_activegp.diagnosis.selection.explain import Explanation, explain
 from torch_activegp.diagnosis.selection.judge import Judgement
@@ -95,7 +96,7 @@ def diagnose(
     say("reading", 0.0)
     recordings, holdout = check_given(recordings, "diagnose"), check_given(holdout or (), "diagnose")
     source = read_source(model)
-    machine = make_machine(source.model, recordings, holdout, source.box)
+    machine = as_the_machine_moved(make_machine(source.model, recordings, holdout, source.box), nthread)
     for note in machine.notes:
         _logger.warning("%s", note)
     tried = effects_for(machine.model, machine.channels, machine.fit, effects)

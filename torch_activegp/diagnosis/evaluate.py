@@ -15,6 +15,7 @@ from torch_activegp.diagnosis.inputs.runs import Channels, median_step
 from torch_activegp.diagnosis.inputs.source import Source, read_source
 from torch_activegp.diagnosis.inputs.wrong_units import check_units
 from torch_activegp.diagnosis.noise.floor import noise_floor
+from torch_activegp.diagnosis.preparation.missing_rows import with_missing_controls
 from torch_activegp.diagnosis.simulation.blackbox_engine import BlackBoxEngine
 from torch_activegp.diagnosis.simulation.candidate import NOMINAL
 from torch_activegp.diagnosis.simulation.engine import Engine, substeps_for
@@ -63,6 +64,8 @@ def evaluate(model: object, recordings: Sequence[Recording], nthread: int = 0) -
     else:
         doubts = source.box.notes()
         engine = BlackBoxEngine(source.box, channels, check_clock(source.box, runs))
-    errors, _ = compare({"error": (engine, candidate)}, runs, channels.joints, noise_floor(runs))
+    noise = noise_floor(runs)
+    runs, _, controls = with_missing_controls(runs, (), [engine], noise)
+    errors, _ = compare({"error": (engine, candidate)}, runs, channels.joints, noise)
     told = {key: errors[key] for key in ("runs", "one_step", "free_run")}
-    return {**told, "notes": list(dict.fromkeys([*notes, *doubts]))}
+    return {**told, "notes": list(dict.fromkeys([*notes, *doubts, *controls]))}

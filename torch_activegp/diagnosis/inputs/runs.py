@@ -19,7 +19,8 @@ from torch_activegp.errors import DataError
 Array = NDArray[np.float64]
 Smoother = Callable[[Array, Array, float], tuple[Array, Array]]
 _SCALAR = (int(mujoco.mjtJoint.mjJNT_HINGE), int(mujoco.mjtJoint.mjJNT_SLIDE))
-_MISSING = 1.5
+MISSING = 1.5
+"""Median steps from which on rows are missing in a step."""
 MIN_ROWS = 12
 _SLOWEST = 1.0
 """Longest time between rows, s."""
@@ -276,9 +277,9 @@ def _prescribed(recordings: Sequence[Recording]) -> set[str]:
 def _filled(time: Array, clock: float | None) -> tuple[NDArray[np.bool_], Array]:
     steps = np.diff(time)
     own = float(np.median(steps))
-    step = own if clock is None or own <= _MISSING * clock else clock
+    step = own if clock is None or own <= MISSING * clock else clock
     count = np.maximum(np.rint(steps / step), 1).astype(int)
-    count[steps <= _MISSING * step] = 1
+    count[steps <= MISSING * step] = 1
     rows, recorded = [time[:1]], [True]
     for start, length, n in zip(time[:-1], steps, count, strict=True):
         rows.append(start + length * np.arange(1, n + 1) / n)

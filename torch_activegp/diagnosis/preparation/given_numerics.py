@@ -24,3 +24,13 @@ class GivenNumerics(Numerics):
         substeps = substeps_for(machine.model, machine.fit)
         given, late = (BlackBoxEngine(machine.box, machine.channels, substeps, late=late) for late in (False, True))
         return cls(given, late, given, late)
+
+
+def numerics_of(machine: Machine, nthread: int = 0) -> Numerics:
+    """The forms of a machine's model, or of the black box that it stands for.
+
+    Args:
+        machine: model and runs.
+        nthread: threads of the simulations; 0 for all cores.
+    """
+    return (Numerics if machine.box is None else GivenNumerics).of(machine, nthread)

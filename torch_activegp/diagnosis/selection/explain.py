@@ -13,7 +13,7 @@ from torch_activegp.diagnosis.inputs.segments import Segments
 from torch_activegp.diagnosis.noise.floor import noise_floor
 from torch_activegp.diagnosis.noise.model import NoiseModel
 from torch_activegp.diagnosis.preparation.brief_pieces import closest
-from torch_activegp.diagnosis.preparation.given_numerics import GivenNumerics
+from torch_activegp.diagnosis.preparation.given_numerics import numerics_of
 from torch_activegp.diagnosis.preparation.late import Sets
 from torch_activegp.diagnosis.preparation.lengths import Lengths, longest
 from torch_activegp.diagnosis.preparation.noise_left import noise_behind, raised
@@ -111,7 +111,7 @@ def explain(
         tell: hears what is being done.
         checkpoint: keeps finished stages.
     """
-    numerics = (Numerics if machine.box is None else GivenNumerics).of(machine, nthread)
+    numerics = numerics_of(machine, nthread)
     keep = checkpoint or Checkpoint()
     keep.share([*numerics.all, *machine.fit, *(form for effect in effects for form in effect.family())])
     tell("noise floor")

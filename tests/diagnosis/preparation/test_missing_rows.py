@@ -1,0 +1,106 @@
+from __future__ import annotations
+
+import dataclasses
+
+import mujoco
+import numpy as np
+import pytest
+
+from torch_activegp.data import Recording
+from torch_activegp.diagnosis import diagnose, evaluate
+from torch_activegp.diagnosis.inputs.machine import Machine, make_machine
+from torch_activegp.diagnosis.inputs.runs import Channels, make_run
+from torch_activegp.diagnosis.inputs.segments import cut
+from torch_activegp.diagnosis.preparation import missing_rows as module
+from torch_activegp.diagnosis.preparation.missing_rows import as_the_machine_moved, moved
+from torch_activegp.diagnosis.simulation.candidate import NOMINAL
+from torch_activegp.diagnosis.simulation.engine import Engine
+
+NOISE, ROWS = 2e-4, 401
+
+
+def recordings(model: mujoco.MjModel, goes_on: bool) -> list[Recording]:
+    """Runs of the model itself at 100 Hz in which one row of twelve is missing; what moved it went on there, or not."""
+    found = []
+    for seed in range(2):
+        rng = np.random.default_rng(seed)
+        time, kept = np.arange(ROWS) / 100, rng.random(ROWS) > 1 / 12
+        kept[:2] = True
+        control = 3.0 * np.sin(2 * np.pi * rng.uniform(1.0, 3.0, 3) * time[:, None]).sum(axis=1)
+        if not goes_on:
+            control = control[np.maximum.accumulate(np.where(kept, np.arange(ROWS), 0))]
+        whole = Recording.from_columns(f"run{seed}", {"time": time, "qpos.hip": 0.1 * time, "ctrl.drive": control})
+        run = make_run(whole, model, channels := Channels.of(model, [whole]))
+        engine = Engine(model, channels, 4)
+        segment = cut([run], 1e9, 0.0)
+        path = engine.predict(segment, np.zeros((1, 1, 2)), [NOMINAL])[0, 0, :, 0] + NOISE * rng.normal(size=ROWS)
+        columns = {"time": time, "qpos.hip": path, "ctrl.drive": control}
+        found.append(Recording.from_columns(f"run{seed}", {name: column[kept] for name, column in columns.items()}))
+    return found
+
+
+def machine_of(model: mujoco.MjModel, goes_on: bool) -> Machine:
+    first, second = recordings(model, goes_on)
+    return make_machine(model, [first], [second])
+
+
+@pytest.mark.parametrize("goes_on", [True, False])
+def test_controls_in_missing_rows_are_what_the_motion_agrees_with(model, goes_on: bool) -> None:
+    held = machine_of(model, goes_on)
+    found = as_the_machine_moved(held, 1)
+    assert (found is not held) == goes_on
+    if not goes_on:
+        return
+    assert found.notes[:-1] == held.notes
+    assert "Controls are taken as on their way" in found.notes[-1]
+    for one, other in zip((*held.fit, *held.holdout), (*found.fit, *found.holdout), strict=True):
+        missing = ~one.recorded[:-1]
+        count = (~held.fit[0].recorded).sum() + (~held.holdout[0].recorded).sum()
+        assert found.notes[-1].startswith(f"{count} rows")
+        np.testing.assert_array_equal(other.control[~missing], one.control[~missing])
+        np.testing.assert_array_equal(other.control, moved(one, 3).control)
+
+
+def test_controls_go_on_along_splines_of_a_degree(model) -> None:
+    time = np.arange(40) * 0.01
+    columns = {"time": time, "qpos.hip": np.sin(time), "ctrl.drive": 1e3 * time**2}
+    gaps = Recording.from_columns("gaps", {name: np.delete(column, [10, 20, 21]) for name, column in columns.items()})
+    run = make_run(gaps, model, Channels.of(model, [gaps]))
+    straight, curved = (moved(run, degree).control[:, 0] for degree in (1, 3))
+    np.testing.assert_allclose(curved, columns["ctrl.drive"][:-1], atol=1e-9)
+    np.testing.assert_allclose(straight[[10, 20, 21]], [10.1, 40.2 + 0.5, 44.4 + 0.1], atol=0.5)
+    np.testing.assert_allclose(straight[10], (8.1 + 12.1) / 2)
+
+
+def test_controls_of_a_slow_recording_are_held_between_its_rows(model) -> None:
+    """It is no gap that another recording is faster."""
+    time = np.arange(40) * 0.02
+    slow = Recording.from_columns("slow", {"time": time, "qpos.hip": np.sin(time), "ctrl.drive": time})
+    gap = Recording.from_columns("gap", {name: np.delete(slow[name].numpy(), 10) for name in slow.columns})
+    one, other = (make_run(some, model, Channels.of(model, [some]), clock=0.01) for some in (slow, gap))
+    np.testing.assert_array_equal(moved(one, 1).control, one.control)
+    np.testing.assert_allclose(moved(other, 1).control[18:23, 0], [0.18, 0.18, 0.20, 0.20, 0.22])
+
+
+def test_without_missing_rows_nothing_is_simulated(clean, monkeypatch) -> None:
+    monkeypatch.setattr(module, "numerics_of", lambda *_: pytest.fail("simulated"))
+    assert as_the_machine_moved(clean.machine) is clean.machine
+
+
+def test_a_machine_that_went_on_where_rows_are_missing_shows_no_mismatch(model) -> None:
+    """Held, its controls left 2.4 times the noise, and a mismatch was seen."""
+    runs = recordings(model, goes_on=True)
+    found = diagnose(model, runs[:1], runs[1:], nthread=1)
+    assert found.verdict == "none"
+    assert found.details["mismatch"]["chi2_per_dof"] < 1.2
+    assert any("rows are missing" in note for note in found.details["notes"])
+    errors = evaluate(model, runs, nthread=1)
+    assert errors["one_step"]["error"] < 1.3 * errors["one_step"]["noise"]
+    assert any("rows are missing" in note for note in errors["notes"])
+
+
+@pytest.mark.parametrize(("rough", "degree"), [(True, 1), (False, 3)])
+def test_the_controls_themselves_say_whether_they_go_on_smoothly(clean, rough: bool, degree: int) -> None:
+    rng, run = np.random.default_rng(0), clean.machine.fit[0]
+    control = np.cumsum(rng.normal(size=run.control.shape), axis=0) if rough else run.control
+    assert module._degree([dataclasses.replace(run, control=control)]) == degree

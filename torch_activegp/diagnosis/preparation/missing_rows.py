@@ -1,0 +1,139 @@
+"""The controls of rows that a recording misses: held there, or on their way from one row to the next."""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Sequence
+
+import numpy as np
+from scipy.interpolate import make_interp_spline
+
+from torch_activegp.diagnosis.inputs.machine import Machine
+from torch_activegp.diagnosis.inputs.runs import MISSING, Run
+from torch_activegp.diagnosis.inputs.segments import Segments, lay
+from torch_activegp.diagnosis.noise.floor import noise_floor
+from torch_activegp.diagnosis.noise.model import NoiseModel
+from torch_activegp.diagnosis.preparation.given_numerics import numerics_of
+from torch_activegp.diagnosis.shooting.likelihood import Shooting
+from torch_activegp.diagnosis.simulation.engine import Engine
+
+_SECONDS, _ROWS = 0.03, 6
+"""How far pieces reach to either side of a gap: so long at least, s, and so many rows."""
+_SEEN = 200
+"""Gaps that are looked at."""
+_ROUNDS = 6
+_FAILED = 1e9
+_BETTER = 10.0
+"""Chi2 by which controls that go on must agree better: a recording says that they are held until the next row."""
+
+
+def with_missing_controls(
+    runs: Sequence[Run], others: Sequence[Run], engines: Sequence[Engine], noise: NoiseModel
+) -> tuple[list[Run], list[Run], list[str]]:
+    """Runs whose controls go on from one row to the next where rows are missing, if the machine moved like that.
+
+    A recorder may miss what the machine still did. Held until the next row, controls of an arm at 100 Hz of which 4 %
+    of the rows were missing left 2.3 times the noise of 1 mrad; on their way to the next row, 1.1 times. A controller
+    that missed the cycle itself held them.
+
+    Args:
+        runs: these say what agrees better; controls are held in missing rows.
+        others: further runs of the machine.
+        engines: forms of its model, of which the closest counts.
+        noise: of the recordings.
+
+    Returns:
+        The runs, the further ones, and a note where controls are not held.
+    """
+    degree = _degree(runs)
+    moving, also = ([moved(run, degree) for run in some] for some in (runs, others))
+    if not _agree_better(moving, runs, engines, noise):
+        return list(runs), list(others), []
+    count = sum(int((~run.recorded).sum()) for run in (*runs, *others))
+    note = (
+        f"{count} rows are missing. Controls are taken as on their way from the last row before a gap to the next: the "
+        "motion agrees better with that than with controls that are held."
+    )
+    return moving, also, [note]
+
+
+def as_the_machine_moved(machine: Machine, nthread: int = 0) -> Machine:
+    """A machine whose controls in missing rows are those that agree better, with a note where they are not held.
+
+    Args:
+        machine: model and runs; controls are held in missing rows.
+        nthread: threads of the simulations; 0 for all cores.
+    """
+    if not _around_gaps(machine.fit):
+        return machine
+    numerics, noise = numerics_of(machine, nthread), noise_floor(machine.fit)
+    engines = dict.fromkeys((numerics.given, numerics.fine))
+    fit, holdout, notes = with_missing_controls(machine.fit, machine.holdout, [*engines], noise)
+    moved = dataclasses.replace(machine, fit=tuple(fit), holdout=tuple(holdout), notes=(*machine.notes, *notes))
+    return moved if notes else machine
+
+
+def moved(run: Run, degree: int) -> Run:
+    """A run whose controls change from row to row in gaps, as far as its own clock does, along splines of a degree."""
+    rows, known = np.arange(len(run) - 1), np.flatnonzero(run.recorded)
+    before = np.searchsorted(known, rows, side="right") - 1
+    first, last = known[before], known[np.minimum(before + 1, len(known) - 1)]
+    period = float(np.median(np.diff(run.time[known])))
+    into = np.floor((run.time[rows] - run.time[first]) / period + 1e-6) * period
+    missing = (run.time[last] - run.time[first] > MISSING * period) & (into > 0.0)
+    if not missing.any():
+        return run
+    held = known[known < len(rows)]  # the last row's control is not used
+    path = make_interp_spline(run.time[held], run.control[held], degree)
+    control = run.control.copy()
+    control[missing] = path(np.minimum(run.time[first] + into, run.time[held[-1]])[missing])
+    return dataclasses.replace(run, control=control)
+
+
+def _degree(runs: Sequence[Run]) -> int:
+    """The degree of the splines by which recorded controls are told best from those before and after them.
+
+    In brief pieces of the motion nothing shows which is the right one: straight lines between the rows of a sum of
+    sines up to 3 Hz agreed as well there, and left 1.8 times the noise in longer ones.
+    """
+    errors = np.zeros(2)
+    for run in runs:
+        u, known = run.control, run.recorded[:-1]
+        there = np.all([known[k : len(known) - 4 + k] for k in range(5)], axis=0)
+        lower, low, here, high, higher = (u[k : len(u) - 4 + k][there] for k in range(5))
+        straight, curved = (low + high) / 2, (4.0 * (low + high) - lower - higher) / 6
+        scale = np.maximum(np.ptp(u, axis=0), np.finfo(float).tiny)
+        errors += [(((guess - here) / scale) ** 2).sum() for guess in (straight, curved)]
+    return 3 if errors[1] < errors[0] else 1
+
+
+def _agree_better(moving: Sequence[Run], held: Sequence[Run], engines: Sequence[Engine], noise: NoiseModel) -> bool:
+    """Whether motions around gaps agree better with controls that change in them than with those that are held."""
+    pieces = _around_gaps(held)
+    if not pieces:
+        return False
+    left = [min(_left(lay(runs, pieces), engine, noise) for engine in engines) for runs in (moving, held)]
+    return left[1] - left[0] > _BETTER
+
+
+def _around_gaps(runs: Sequence[Run]) -> list[tuple[int, int, int, int]]:
+    """Brief pieces of runs, with a gap in which controls change in the middle of each."""
+    pieces = []
+    for number, run in enumerate(runs):
+        differ = (run.control != moved(run, 1).control).any(axis=1)
+        begins = np.flatnonzero(differ & ~np.concatenate([[False], differ[:-1]]))
+        ends = np.flatnonzero(differ & ~np.concatenate([differ[1:], [False]])) + 1
+        reach = max(_ROWS, round(_SECONDS / float(np.median(run.dt))))
+        for begin, end in zip(begins.tolist(), ends.tolist(), strict=True):
+            first = max(begin - reach, 0)
+            pieces.append((number, first, first, min(end + reach, len(run) - 1)))
+    some = np.linspace(0, len(pieces) - 1, min(_SEEN, len(pieces))).round().astype(int)
+    return [pieces[int(i)] for i in some]
+
+
+def _left(segments: Segments, engine: Engine, noise: NoiseModel) -> float:
+    """Chi2 of pieces with an initial state for each; in those that are far off, as at an impact, more counts little."""
+    shooting = Shooting(engine, segments, noise)
+    found = shooting.fit([((), ())], engine.starts(segments), _ROUNDS, hold=True)[0]
+    left = np.nan_to_num(found.per_segment, nan=_FAILED)
+    return float((segments.samples * np.log1p(left / segments.samples)).sum())
