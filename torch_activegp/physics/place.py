@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import math
 
 
 @dataclasses.dataclass(frozen=True)
@@ -24,6 +25,7 @@ class Place:
         loss: the model's own ``frictionloss`` there.
         turns_back: whether a joint turns back within a recording, by more than a fiftieth of its range.
         both_ways: whether it goes both ways, in one recording or in two.
+        free: beyond these positions the model touches something in all recorded poses, ``(low, high)``.
     """
 
     target: str
@@ -40,6 +42,7 @@ class Place:
     loss: float = 0.0
     turns_back: bool = True
     both_ways: bool = True
+    free: tuple[float, float] = (-math.inf, math.inf)
 
     @property
     def item(self) -> str:

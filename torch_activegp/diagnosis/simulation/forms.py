@@ -19,7 +19,7 @@ from torch_activegp.diagnosis.simulation.candidate import NOMINAL
 from torch_activegp.diagnosis.simulation.engine import IMPLICIT_FAST, Engine, substeps_for
 from torch_activegp.diagnosis.simulation.leapfrog import is_of_second_order
 from torch_activegp.diagnosis.simulation.prescribed_motion import RUNGE_KUTTA
-from torch_activegp.diagnosis.simulation.touching import is_tied, touching
+from torch_activegp.diagnosis.simulation.touching import POSES, TOUCHING, is_tied, touching
 from torch_activegp.physics.friction import sticking
 
 _STEP = 0.005
@@ -42,9 +42,6 @@ _QUICKER = 4
 """Times as many steps as the model's own in what stands in for its own integrator in even more."""
 _HEAD = 0.5
 """How much of each run shows with what its drives began, s."""
-_POSES = 300
-_TOUCHING = 0.01
-"""Contact in fewer poses is an accident of noise or of shapes drawn too large."""
 
 _COMPARED, _AGREES = 12, 0.1
 """Segments on which a form with long steps is compared with the one without, and by what part of the noise it may
@@ -104,7 +101,7 @@ class Forms:
         make: Make = functools.partial(Engine, channels=machine.channels, nthread=nthread)
         few, plain, part = _steps(step, _STEP), substeps_for(model, machine.fit), _touching(machine)
         tied = is_tied(model)
-        stiff, free = tied or part > _TOUCHING, part == 0.0
+        stiff, free = tied or part > TOUCHING, part == 0.0
         stride = 1 if stiff else max(int(_STEP / step + 1e-6), 1)
         given = make(model, substeps=plain)
         often = max(few, plain)
@@ -215,7 +212,7 @@ def _touching(machine: Machine) -> float:
     model, channels = machine.model, machine.channels
     seen = []
     for run in (*machine.fit, *machine.holdout):
-        rows = np.arange(0, len(run), max(len(run) // _POSES, 1))
+        rows = np.arange(0, len(run), max(len(run) // POSES, 1))
         seen.append(touching(model, channels, run, rows))
     return float(np.concatenate(seen).mean())
 

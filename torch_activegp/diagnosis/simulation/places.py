@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from torch_activegp.diagnosis.inputs.runs import Array, Channels, Run, median_step
 from torch_activegp.diagnosis.simulation.prescribed_motion import only_on
+from torch_activegp.diagnosis.simulation.touching import POSES, TOUCHING, touching
 from torch_activegp.physics import Effect, Place, catalogue
 from torch_activegp.physics.body import BodyEffect
 
@@ -35,7 +36,8 @@ def effects_for(
     Raises:
         ConfigurationError: one of these classes is of no kind that can be placed, or its name is taken.
     """
-    joints = [_joint(model, channels, runs, c) for c in range(len(channels.joints))]
+    free = _free(model, channels, runs)
+    joints = [_joint(model, channels, runs, c, free[c]) for c in range(len(channels.joints))]
     sensors = [
         Place(p.target, c, p.position_unit, p.force_unit, p.position, p.speed, p.top_speed, p.force, dt=p.dt)
         for c, p in enumerate(joints)
@@ -45,7 +47,19 @@ def effects_for(
     return [effect for effect in effects if not isinstance(effect, BodyEffect) or moved[effect.body]]
 
 
-def _joint(model: mujoco.MjModel, channels: Channels, runs: Sequence[Run], c: int) -> Place:
+def _free(model: mujoco.MjModel, channels: Channels, runs: Sequence[Run]) -> Array:
+    """The range of each channel beyond which the model touched something in all poses, ``(C, 2)``; it may be all."""
+    rows = [np.arange(0, len(run), max(len(run) // POSES, 1)) for run in runs]
+    poses = np.concatenate([run.smooth[some] for run, some in zip(runs, rows, strict=True)])
+    touches = np.concatenate([touching(model, channels, run, some) for run, some in zip(runs, rows, strict=True)])
+    everything = np.array([[-np.inf, np.inf]] * poses.shape[1])
+    if not TOUCHING < touches.mean() < 1.0:
+        return everything
+    ends = [np.stack([some.min(axis=0), some.max(axis=0)], axis=1) for some in (poses[~touches], poses)]
+    return np.where(ends[0] == ends[1], everything, ends[0])
+
+
+def _joint(model: mujoco.MjModel, channels: Channels, runs: Sequence[Run], c: int, free: Array) -> Place:
     velocity = np.concatenate([run.velocity[:, c] for run in runs])
     position = np.concatenate([run.smooth[:, c] for run in runs])
     acceleration = np.concatenate([np.gradient(run.velocity[:, c], run.time) for run in runs])
@@ -68,6 +82,7 @@ def _joint(model: mujoco.MjModel, channels: Channels, runs: Sequence[Run], c: in
         qpos=int(channels.qpos[c]),
         loss=float(model.dof_frictionloss[dof]),
         turns_back=any(min(_travel(run, c)) > _BACK * np.ptp(position) for run in runs),
+        free=(float(free[0]), float(free[1])),
         both_ways=all(_goes(runs, c, direction * _MOVING * speed) for direction in (1.0, -1.0)),
     )
 

@@ -10,6 +10,10 @@ from numpy.typing import NDArray
 
 from torch_activegp.diagnosis.inputs.runs import Channels, Run
 
+POSES = 300
+"""Rows of a run, evenly spread, that show how often something touches."""
+TOUCHING = 0.01
+"""Contact in fewer poses is an accident of noise or of shapes drawn too large."""
 _WIDER = 0.005
 """Part of the machine's size, and of a joint's range, from which on it is about to touch."""
 
