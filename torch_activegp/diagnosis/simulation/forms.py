@@ -93,6 +93,7 @@ class Forms:
     firm_leapt: Engine | None = None
     firm_quick: Engine | None = None
     own: tuple[Engine, ...] = ()
+    finer: tuple[Engine, ...] = ()
 
     @classmethod
     def of(cls, machine: Machine, nthread: int = 0) -> Self:
@@ -136,7 +137,8 @@ class Forms:
         euler = model.opt.integrator == RUNGE_KUTTA and not (stiff or late_drives)
         first = IMPLICIT_FAST if euler else None
         own = tuple(make(model, substeps=steps, integrator=first) for steps in shorter)
-        made = cls(given, fine, coarse, middle, stiff, late, **short, own=own)
+        finer = tuple(make(model, substeps=plain * many) for many in FEW_SHORTER[:2]) if stiff else ()
+        made = cls(given, fine, coarse, middle, stiff, late, **short, own=own, finer=finer)
         begin_drives(made.all, machine.fit)
         return made
 
@@ -144,7 +146,7 @@ class Forms:
     def all(self) -> list[Engine]:
         """Every form there is, the given one first."""
         forms = [form for form in vars(self).values() if isinstance(form, Engine)]
-        return list(dict.fromkeys((self.given, *forms, *self.own)))
+        return list(dict.fromkeys((self.given, *forms, *self.own, *self.finer)))
 
     @property
     def short(self) -> tuple[Engine, ...]:

@@ -1,0 +1,66 @@
+from __future__ import annotations
+
+import dataclasses
+
+import numpy as np
+import pytest
+
+from tests.diagnosis.ram import ram
+from torch_activegp.diagnosis.inputs.segments import cut
+from torch_activegp.diagnosis.noise.model import NoiseModel
+from torch_activegp.diagnosis.preparation.numerics import Numerics
+from torch_activegp.diagnosis.selection.compared import Selection
+from torch_activegp.diagnosis.selection.finer_steps import nameless_in_finer_steps
+from torch_activegp.diagnosis.shooting.likelihood import Shooting
+from torch_activegp.diagnosis.shooting.score import Score
+from torch_activegp.diagnosis.simulation.places import effects_for
+
+NOISE = 2e-4
+
+
+@pytest.fixture(scope="module")
+def leaning():
+    """A ram that leans on a wall half of the time, in quarters of its model's steps: numerics, likelihood, nominal."""
+    machine = ram(step=0.005, soft=0.02, noise=NOISE, rows=801, push=6.0, truth=0.005 / 4)
+    numerics = Numerics.of(machine, 1)
+    segments = cut(machine.fit, 0.25, 0.0)
+    shooting = Shooting(numerics.given, segments, NoiseModel.white(np.array([NOISE])))
+    nominal = shooting.fit([((), ())], numerics.given.starts(segments))[0]
+    effect = next(e for e in effects_for(machine.model, machine.channels, machine.fit) if e.name == "viscous_friction")
+    return numerics, shooting, nominal, effect
+
+
+def named(leaning, left: float, scale: float = 1.0) -> Selection:
+    """A selection in which a friction leaves so much of the noise; what the nominal leaves is scaled."""
+    _, shooting, nominal, effect = leaning
+    nominal = dataclasses.replace(nominal, chi2=scale * nominal.chi2)
+    values = (np.array([0.1]),)
+    best = dataclasses.replace(nominal, effects=(effect,), values=values, chi2=left * shooting.dof, columns=None)
+    return Selection(nominal, [nominal, best], Score(shooting.samples, 60, 1.0))
+
+
+def test_a_name_that_stands_for_long_steps_is_none(leaning, monkeypatch) -> None:
+    numerics, shooting, nominal, _ = leaning
+    monkeypatch.setattr("torch_activegp.diagnosis.selection.finer_steps._SMALL", 1e9)
+    found = nameless_in_finer_steps(numerics, shooting, named(leaning, 1.5))
+    assert nominal.chi2 > 1.5 * shooting.dof
+    assert found is not None
+    finer, bare = found
+    assert finer.engine in numerics.finer
+    assert bare.best.effects == ()
+    assert bare.best.chi2 < 1.5 * shooting.dof
+
+
+def test_a_name_stays_where_shorter_steps_do_not_do_as_well(leaning, monkeypatch) -> None:
+    numerics, shooting, _, _ = leaning
+    monkeypatch.setattr("torch_activegp.diagnosis.selection.finer_steps._SMALL", 1e9)
+    assert nameless_in_finer_steps(numerics, shooting, named(leaning, 0.5)) is None
+
+
+def test_it_is_asked_only_where_little_is_missing_and_something_touches(leaning, bench) -> None:
+    numerics, shooting, nominal, _ = leaning
+    much = 1.4 * shooting.dof / nominal.chi2
+    assert nameless_in_finer_steps(numerics, shooting, named(leaning, 1.0, much)) is None
+    assert nameless_in_finer_steps(numerics, shooting, Selection(nominal, [nominal], Score(100, 60, 1.0))) is None
+    assert [form.substeps for form in numerics.finer] == [2 * numerics.given.substeps, 4 * numerics.given.substeps]
+    assert Numerics.of(bench.machine, 1).finer == ()
