@@ -21,6 +21,13 @@ def test_nothing_found() -> None:
     assert sentence("none", (), ERROR) == "The simulator and the recordings differ by noise alone."
 
 
+def test_noise_that_may_be_louder_than_it_looks_is_not_called_noise_alone() -> None:
+    """As at 50 Hz, where a filter's noise looks four times quieter."""
+    words = sentence("none", (), {**ERROR, "unexplained": {**LEFT, "chi2_per_dof": 4.25}})
+    assert words.startswith("The simulator and the recordings differ by no more than noise may: by 4.25 times")
+    assert words.endswith("Faster recordings would tell.")
+
+
 @pytest.mark.parametrize(
     ("location", "words"),
     [([], "differ, and no effect"), ([{"target": "joint:hip"}, {"target": "b"}], "most of it at joint:hip, and no")],

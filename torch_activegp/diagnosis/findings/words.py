@@ -11,6 +11,8 @@ _MOST = 0.5
 """Part of the mismatch that the closest set may leave and be told."""
 _TOLD = 3
 """So many parameters of an effect are in the sentence."""
+_LOUD = 1.5
+"""Chi2 per degree of freedom from which on noise is said to be louder than it looks."""
 _MUCH_LEFT = 2.0
 """Chi2 per degree of freedom from which on the names are said not to be all."""
 
@@ -27,7 +29,7 @@ def sentence(
         doubts: what seems wrong with the recordings, in sentences.
     """
     if verdict == "none":
-        return "The simulator and the recordings differ by noise alone."
+        return f"The simulator and the recordings differ by {_noise(details)}."
     if verdict == "unknown":
         places = [place["target"] for place in details["location"][:1]]
         where = f", most of it at {places[0]}" if places else ""
@@ -51,6 +53,17 @@ def sentence(
         tied = [effect for effect in effects if effect.ties]
         text = f"{text}; the recordings cannot tell {_joined([_tied(effect, len(effects) > 1) for effect in tied])}"
     return f"{text}{_rest(details)}."
+
+
+def _noise(details: Mapping[str, Any]) -> str:
+    """Noise alone, or more than rows show that follow each other so slowly that it may be noise."""
+    left = details["unexplained"]["chi2_per_dof"]
+    if left < _LOUD:
+        return "noise alone"
+    return (
+        f"no more than noise may: by {left:.3g} times (chi2 per dof) what rows next to each other show of it, which a "
+        "filter in the recorder, or errors that last, would hide at this rate. Faster recordings would tell"
+    )
 
 
 def _told(value: float) -> str:
