@@ -33,6 +33,20 @@ def test_a_joint_is_not_always_behind_its_stop(bench: Any, kind: Any) -> None:
     assert all(stop.low < seed[2] < stop.high for seed in effect.seeds)
 
 
+@pytest.mark.parametrize("kind", [JointStop, LowerJointStop])
+def test_a_stop_lies_before_where_the_model_touches_something(bench: Any, kind: Any) -> None:
+    low, high = bench.shoulder.position
+    width, free = high - low, kind.side * (high if kind.side > 0 else low)
+    for into, shifted in ((0.2, True), (0.9, False)):  # behind the latter there is no room for another
+        end = kind.side * (free - into * width)
+        walls = (-np.inf, end) if kind.side > 0 else (end, np.inf)
+        effect = kind.at(dataclasses.replace(bench.shoulder, free=walls), bench.model)
+        stop = effect.parameters[2]
+        assert stop.high == pytest.approx(free - 0.23 * width if shifted else free + 0.05 * width)
+        assert stop.low == pytest.approx(free - 0.6 * width)
+        assert all(stop.low < seed[2] < stop.high for seed in effect.seeds)
+
+
 @pytest.mark.parametrize(("kind", "within"), [(JointStop, (0.1, np.inf)), (LowerJointStop, (-np.inf, -0.1))])
 def test_it_acts_past_its_position_alone(bench: Any, kind: Any, within: Any) -> None:
     acting = kind.at(bench.shoulder, bench.model).acts(np.array([60.0, 0.5, 0.1]))

@@ -65,7 +65,7 @@ def evaluate(model: object, recordings: Sequence[Recording], nthread: int = 0) -
         doubts = source.box.notes()
         engine = BlackBoxEngine(source.box, channels, check_clock(source.box, runs))
     noise = noise_floor(runs)
-    runs, _, controls = with_missing_controls(runs, (), [engine], noise)
+    runs, _, controls = with_missing_controls(runs, (), [engine], noise, candidate)
     errors, _ = compare({"error": (engine, candidate)}, runs, channels.joints, noise)
     told = {key: errors[key] for key in ("runs", "one_step", "free_run")}
     return {**told, "notes": list(dict.fromkeys([*notes, *doubts, *controls]))}

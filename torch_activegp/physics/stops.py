@@ -38,7 +38,7 @@ class JointStop(JointEffect):
     Args:
         inertia: of the joint in the nominal model, kg m2 or kg.
         speed: of the joint where it is fast, rad/s or m/s.
-        end: of the recorded range, rad or m.
+        end: of the recorded range, or a little before where the model touches something there, rad or m.
     """
 
     name = "joint_stop"
@@ -55,10 +55,10 @@ class JointStop(JointEffect):
         """Makes the effect for the upper end of the range."""
         low, high = place.position if cls.side > 0 else (-place.position[1], -place.position[0])
         width = max(high - low, 1e-9)
-        last = high + _BEYOND * width
-        free = max(cls.side * end for end in place.free)
-        if free < high:
-            high = last = free - _APART * width
+        lowest, last = high - _DEEPEST * width, high + _BEYOND * width
+        touches = max(cls.side * end for end in place.free) - _APART * width
+        if lowest < touches < high:
+            high = last = touches
         stiffness = 10 * place.force / width
         parameters = (
             Parameter("stiffness", f"{place.force_unit}/{place.position_unit}", stiffness, low=0.0),
@@ -69,12 +69,12 @@ class JointStop(JointEffect):
                 "position",
                 place.position_unit,
                 0.01 * width,
-                low=high - _DEEPEST * width,
+                low=lowest,
                 high=last,
                 place=True,
             ),
         )
-        places = high - width * np.geomspace(_HARDEST, 0.45, _STOP_PLACES)
+        places = high - np.geomspace(_HARDEST * width, min(0.45 * width, 0.75 * (high - lowest)), _STOP_PLACES)
         seeds = [[stiffness, 0.1 * place.force / place.speed, position] for position in places]
         inertia = 1.0 / max(float(model.dof_invweight0[place.index]), 1e-12)
         way = {"variant": "upper" if cls.side > 0 else "lower", "inertia": inertia, "speed": place.speed, "end": high}

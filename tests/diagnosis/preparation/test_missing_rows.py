@@ -104,3 +104,31 @@ def test_the_controls_themselves_say_whether_they_go_on_smoothly(clean, rough: b
     rng, run = np.random.default_rng(0), clean.machine.fit[0]
     control = np.cumsum(rng.normal(size=run.control.shape), axis=0) if rough else run.control
     assert module._degree([dataclasses.replace(run, control=control)]) == degree
+    idle = np.concatenate([control, np.full_like(control, 0.1)], axis=1)  # which three times itself is not thrice 0.1
+    assert module._degree([dataclasses.replace(run, control=idle)]) == degree
+
+
+def test_what_is_left_of_a_run_behind_a_gap_has_few_rows_or_none(clean) -> None:
+    run = clean.machine.fit[0]
+    for kept in ([0, 1, 20], [0, 20], [0], [5]):
+        some = dataclasses.replace(run, recorded=np.isin(np.arange(len(run)), kept))
+        straight, curved = (moved(some, degree).control for degree in (1, 3))
+        np.testing.assert_array_equal(curved, straight)
+        assert np.isfinite(straight).all()
+
+
+def test_controls_stay_within_what_was_recorded(model) -> None:
+    time = np.arange(200) * 0.01
+    control = np.clip(2.0 * np.sin(6.0 * time), -1.0, 1.0)
+    kept = np.arange(200) % 9 != 5
+    columns = {"time": time, "qpos.hip": np.sin(time), "ctrl.drive": control}
+    gaps = Recording.from_columns("gaps", {name: column[kept] for name, column in columns.items()})
+    assert np.abs(moved(make_run(gaps, model, Channels.of(model, [gaps])), 3).control).max() == 1.0
+
+
+def test_rows_of_a_faster_recording_are_not_missing(model) -> None:
+    time = np.arange(60) * 0.02
+    slow = Recording.from_columns("slow", {"time": time, "qpos.hip": np.sin(time), "ctrl.drive": time})
+    run = make_run(slow, model, Channels.of(model, [slow]), clock=0.01)
+    assert (~run.recorded).sum() == 59
+    assert not module._in_gaps(run)[0].any()

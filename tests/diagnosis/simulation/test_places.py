@@ -7,8 +7,9 @@ import numpy as np
 import pytest
 import torch
 
+from torch_activegp.data import Recording
 from torch_activegp.diagnosis.inputs.machine import make_machine
-from torch_activegp.diagnosis.simulation.places import effects_for
+from torch_activegp.diagnosis.simulation.places import _free, effects_for
 
 
 def test_every_part_of_the_machine_gets_its_effects(bench) -> None:
@@ -98,3 +99,31 @@ def test_a_short_way_back_on_a_long_path_tells_the_directions_apart(bench) -> No
     path = np.where(rows < turn, rows, 1.2 * turn - 0.2 * rows)
     path = dataclasses.replace(run, smooth=path, velocity=np.gradient(path, axis=0))
     assert {"hysteresis", "asymmetric_friction"} & _names(bench, [path]) == {"asymmetric_friction"}
+
+
+HOPPER = """<mujoco><worldbody><geom type="plane" size="9 9 .1"/><body pos="0 0 0.5">
+<joint name="x" type="slide" axis="1 0 0"/><joint name="z" type="slide" axis="0 0 1"/>
+<geom type="sphere" size="0.1" mass="1"/></body></worldbody></mujoco>"""
+
+
+def test_where_a_joint_makes_something_touch_is_told_from_where_others_do() -> None:
+    """A sphere on a floor goes up and down, and to and fro on its own: it touches the floor from -0.4 m on."""
+    model, time = mujoco.MjModel.from_xml_string(HOPPER), np.arange(400) * 0.01
+    columns = {"time": time, "qpos.x": np.sin(1.7 * time), "qpos.z": -0.3 + 0.12 * np.cos(5 * time)}
+    machine = make_machine(model, [Recording.from_columns("hops", columns)] * 2, [])
+    free = _free(model, machine.channels, machine.fit)
+    np.testing.assert_array_equal(np.isfinite(free), [[False, False], [True, False]])
+    assert free[1, 0] == pytest.approx(-0.4, abs=5e-3)
+    stops = {
+        (e.target, e.variant): e.parameters[2]
+        for e in effects_for(model, machine.channels, machine.fit)
+        if e.name == "joint_stop"
+    }
+    assert stops["joint:z", "lower"].high == pytest.approx(0.4 - 0.03 * 0.24, abs=5e-3)
+    assert stops["joint:z", "upper"].high > 0.18 - 0.4 + 0.04
+    assert stops["joint:x", "lower"].high > 1.0
+
+
+def test_where_nothing_touches_everything_is_free(bench) -> None:
+    free = _free(bench.engine.model, bench.engine.channels, bench.machine.fit)
+    assert not np.isfinite(free).any()

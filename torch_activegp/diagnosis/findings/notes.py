@@ -24,8 +24,9 @@ _MOST = 0.75
 """Share of the recordings below which it is said: ends of runs and first rows of segments never count."""
 _TO_AND_FRO = {"hysteresis": "hysteresis", "asymmetric_friction": "friction that differs between the directions"}
 _CUT_SHORT = (
-    f"The search for effects ended when it had computed {Depth().work / 1e6:g} million time steps. Further ones on top "
-    "of those found, or others in their place, were not all tried."
+    f"The search for effects ended early: when it had computed {Depth().work / 1e6:g} million time steps, or because "
+    "all that could be found on a part of the data left much more than noise. Further ones on top of those found, or "
+    "others in their place, were not all tried."
 )
 
 

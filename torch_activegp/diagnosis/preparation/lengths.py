@@ -22,9 +22,10 @@ SECONDS = 1.0
 ROWS = 45
 """A segment holds at least so many rows: what is sampled slowly is watched longer."""
 PAD = 0.1
-_SHORTEST, _SHORTEST_TOUCHING, _FEWEST = 0.25, 0.1, 10
-"""Of segments, s; where something touches, if that is as many rows. A sphere on a floor bounces another time where the
-initial state is a little off: in segments of 0.25 s three of 34 were left at 30 to 180 times the noise by any name."""
+_SHORTEST, _SHORTEST_TOUCHING = 0.25, 0.1
+"""Of segments, s; the second where something touches, if `halve` leaves them rows enough. A sphere on a floor bounces
+another time where the initial state is a little off: in segments of 0.25 s three of 34 were left at 30 to 180 times the
+noise by any name."""
 _GROWTH = 6.0
 _OUT, _OUT_FAR = 10.0, 0.25
 """A segment stands out by so many times the median, and by so large a part of what is too far: one of twenty whose
@@ -75,7 +76,7 @@ def longest(machine: Machine, forms: Forms, noise: NoiseModel, too_far: float, k
     else:
         best, form = known.uncut, known.form
     whole = best
-    shortest = max(_SHORTEST_TOUCHING, _FEWEST * median_step(machine.fit)) if forms.stiff else _SHORTEST
+    shortest = _SHORTEST_TOUCHING if forms.stiff else _SHORTEST
     while True:
         bad = _stands_out(best, segments, too_far) | (_growth(best, segments, noise, machine.model.nq) > _GROWTH)
         long = segments.dt[:, 0] * np.diff(segments.scored, axis=1)[:, 0] > 1.5 * shortest

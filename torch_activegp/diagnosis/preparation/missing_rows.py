@@ -6,15 +6,17 @@ import dataclasses
 from collections.abc import Sequence
 
 import numpy as np
+from numpy.typing import NDArray
 from scipy.interpolate import make_interp_spline
 
 from torch_activegp.diagnosis.inputs.machine import Machine
-from torch_activegp.diagnosis.inputs.runs import MISSING, Run
+from torch_activegp.diagnosis.inputs.runs import MISSING, Array, Run
 from torch_activegp.diagnosis.inputs.segments import Segments, lay
 from torch_activegp.diagnosis.noise.floor import noise_floor
 from torch_activegp.diagnosis.noise.model import NoiseModel
 from torch_activegp.diagnosis.preparation.given_numerics import numerics_of
 from torch_activegp.diagnosis.shooting.likelihood import Shooting
+from torch_activegp.diagnosis.simulation.candidate import NOMINAL, Candidate
 from torch_activegp.diagnosis.simulation.engine import Engine
 
 _SECONDS, _ROWS = 0.03, 6
@@ -28,7 +30,11 @@ _BETTER = 10.0
 
 
 def with_missing_controls(
-    runs: Sequence[Run], others: Sequence[Run], engines: Sequence[Engine], noise: NoiseModel
+    runs: Sequence[Run],
+    others: Sequence[Run],
+    engines: Sequence[Engine],
+    noise: NoiseModel,
+    candidate: Candidate = NOMINAL,
 ) -> tuple[list[Run], list[Run], list[str]]:
     """Runs whose controls go on from one row to the next where rows are missing, if the machine moved like that.
 
@@ -41,15 +47,16 @@ def with_missing_controls(
         others: further runs of the machine.
         engines: forms of its model, of which the closest counts.
         noise: of the recordings.
+        candidate: effects in the model; the controls that agree better may depend on them.
 
     Returns:
         The runs, the further ones, and a note where controls are not held.
     """
     degree = _degree(runs)
     moving, also = ([moved(run, degree) for run in some] for some in (runs, others))
-    if not _agree_better(moving, runs, engines, noise):
+    if not _agree_better(moving, runs, engines, noise, candidate):
         return list(runs), list(others), []
-    count = sum(int((~run.recorded).sum()) for run in (*runs, *others))
+    count = sum(int(_in_gaps(run)[0].sum()) for run in (*runs, *others))
     note = (
         f"{count} rows are missing. Controls are taken as on their way from the last row before a gap to the next: the "
         "motion agrees better with that than with controls that are held."
@@ -74,20 +81,31 @@ def as_the_machine_moved(machine: Machine, nthread: int = 0) -> Machine:
 
 
 def moved(run: Run, degree: int) -> Run:
-    """A run whose controls change from row to row in gaps, as far as its own clock does, along splines of a degree."""
-    rows, known = np.arange(len(run) - 1), np.flatnonzero(run.recorded)
-    before = np.searchsorted(known, rows, side="right") - 1
-    first, last = known[before], known[np.minimum(before + 1, len(known) - 1)]
-    period = float(np.median(np.diff(run.time[known])))
-    into = np.floor((run.time[rows] - run.time[first]) / period + 1e-6) * period
-    missing = (run.time[last] - run.time[first] > MISSING * period) & (into > 0.0)
-    if not missing.any():
+    """A run whose controls change from row to row in gaps, as far as its own clock does, along splines of a degree.
+
+    Straight lines where there are too few rows for the degree. Splines stay within what was recorded.
+    """
+    known = np.flatnonzero(run.recorded[:-1])  # the last row's control is not used
+    missing, time = _in_gaps(run)
+    if not missing.any() or len(known) < 2:
         return run
-    held = known[known < len(rows)]  # the last row's control is not used
-    path = make_interp_spline(run.time[held], run.control[held], degree)
+    path = make_interp_spline(run.time[known], run.control[known], degree if len(known) > degree else 1)
     control = run.control.copy()
-    control[missing] = path(np.minimum(run.time[first] + into, run.time[held[-1]])[missing])
+    between = path(np.minimum(time[missing], run.time[known[-1]]))
+    control[missing] = np.clip(between, run.control[known].min(axis=0), run.control[known].max(axis=0))
     return dataclasses.replace(run, control=control)
+
+
+def _in_gaps(run: Run) -> tuple[NDArray[np.bool_], Array]:
+    """Rows but the last that its own clock misses, ``(K,)``, and when it would have recorded the control there, s."""
+    rows, known = np.arange(len(run) - 1), np.flatnonzero(run.recorded)
+    if len(known) < 2:
+        return np.zeros(len(rows), dtype=bool), run.time[rows]
+    before = np.clip(np.searchsorted(known, rows, side="right") - 1, 0, len(known) - 2)
+    first, last = run.time[known[before]], run.time[known[before + 1]]
+    period = float(np.median(np.diff(run.time[known])))
+    into = np.floor((run.time[rows] - first) / period + 1e-6) * period
+    return (last - first > MISSING * period) & (into > 0.0) & ~run.recorded[:-1], first + into
 
 
 def _degree(runs: Sequence[Run]) -> int:
@@ -102,17 +120,19 @@ def _degree(runs: Sequence[Run]) -> int:
         there = np.all([known[k : len(known) - 4 + k] for k in range(5)], axis=0)
         lower, low, here, high, higher = (u[k : len(u) - 4 + k][there] for k in range(5))
         straight, curved = (low + high) / 2, (4.0 * (low + high) - lower - higher) / 6
-        scale = np.maximum(np.ptp(u, axis=0), np.finfo(float).tiny)
+        scale = np.where(np.ptp(u, axis=0) > 0.0, np.ptp(u, axis=0), np.inf)  # what is held says nothing
         errors += [(((guess - here) / scale) ** 2).sum() for guess in (straight, curved)]
     return 3 if errors[1] < errors[0] else 1
 
 
-def _agree_better(moving: Sequence[Run], held: Sequence[Run], engines: Sequence[Engine], noise: NoiseModel) -> bool:
+def _agree_better(
+    moving: Sequence[Run], held: Sequence[Run], engines: Sequence[Engine], noise: NoiseModel, candidate: Candidate
+) -> bool:
     """Whether motions around gaps agree better with controls that change in them than with those that are held."""
     pieces = _around_gaps(held)
     if not pieces:
         return False
-    left = [min(_left(lay(runs, pieces), engine, noise) for engine in engines) for runs in (moving, held)]
+    left = [min(_left(lay(runs, pieces), engine, noise, candidate) for engine in engines) for runs in (moving, held)]
     return left[1] - left[0] > _BETTER
 
 
@@ -131,9 +151,9 @@ def _around_gaps(runs: Sequence[Run]) -> list[tuple[int, int, int, int]]:
     return [pieces[int(i)] for i in some]
 
 
-def _left(segments: Segments, engine: Engine, noise: NoiseModel) -> float:
+def _left(segments: Segments, engine: Engine, noise: NoiseModel, candidate: Candidate) -> float:
     """Chi2 of pieces with an initial state for each; in those that are far off, as at an impact, more counts little."""
     shooting = Shooting(engine, segments, noise)
-    found = shooting.fit([((), ())], engine.starts(segments), _ROUNDS, hold=True)[0]
+    found = shooting.fit([(candidate.effects, candidate.values)], engine.starts(segments), _ROUNDS, hold=True)[0]
     left = np.nan_to_num(found.per_segment, nan=_FAILED)
     return float((segments.samples * np.log1p(left / segments.samples)).sum())

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import functools
 
 from torch_activegp.diagnosis.preparation.brief_pieces import begun
 from torch_activegp.diagnosis.preparation.numerics import Numerics
@@ -34,9 +35,11 @@ def nameless_in_finer_steps(
     if not best.effects or nominal.chi2 > _SMALL * shooting.dof:
         return None
     for form in numerics.finer:
+        if form.substeps <= shooting.engine.substeps:
+            continue
         finer = dataclasses.replace(shooting, engine=form, offset=None)
-        for starts in (nominal.starts, best.starts, begun(finer)):
-            fit = finer.fit([((), ())], starts)[0]
+        for starts in (lambda: nominal.starts, lambda: best.starts, functools.partial(begun, finer)):
+            fit = finer.fit([((), ())], starts())[0]
             if score(fit) <= score(best):
                 bare = Selection(fit, [fit], score, selection.cut_short, tunable=selection.tunable)
                 bare.rescale(shooting.dof)

@@ -55,7 +55,7 @@ class Naming:
         free: what seemed to be tuned, :attr:`Score.free`.
         best: the effects of the best set.
         lost: whether what was found leaves nearly all.
-        in_vain: whether a long search left much more than noise.
+        in_vain: whether a search left much more than noise: a long one, or all that there was to find left most.
     """
 
     engine: Engine

@@ -78,6 +78,7 @@ class Forms:
         own: the model's own integrator in shorter steps; semi-implicit Euler in place of Runge-Kutta, but where
             something touches: that is soft by as much as a time step is long, in Runge-Kutta's too. Nor where drives
             are of the type ``filterexact``: their forces are late by half a step, in Runge-Kutta's too.
+        finer: the model's own integrator in half and quarter steps where something touches; they do not compete.
     """
 
     given: Engine

@@ -18,6 +18,8 @@ _BACK = 0.02
 """Part of the whole range by which a joint turns back within a run: the smallest slip that is tried first."""
 _ERRORS = 6.0
 """Times its noise by which a joint goes somewhere."""
+_ITS_OWN = 0.5
+"""Part of the poses in which something touches that lie beyond an end at which a joint makes it touch."""
 _MOVING, _OFTEN = 0.1, 0.01
 """Part of the typical speed from which on a joint moves, and part of the rows in which it does."""
 
@@ -52,11 +54,14 @@ def _free(model: mujoco.MjModel, channels: Channels, runs: Sequence[Run]) -> Arr
     rows = [np.arange(0, len(run), max(len(run) // POSES, 1)) for run in runs]
     poses = np.concatenate([run.smooth[some] for run, some in zip(runs, rows, strict=True)])
     touches = np.concatenate([touching(model, channels, run, some) for run, some in zip(runs, rows, strict=True)])
-    everything = np.array([[-np.inf, np.inf]] * poses.shape[1])
+    ends = np.array([[-np.inf, np.inf]] * poses.shape[1])
     if not TOUCHING < touches.mean() < 1.0:
-        return everything
-    ends = [np.stack([some.min(axis=0), some.max(axis=0)], axis=1) for some in (poses[~touches], poses)]
-    return np.where(ends[0] == ends[1], everything, ends[0])
+        return ends
+    low, high = poses[~touches].min(axis=0), poses[~touches].max(axis=0)
+    for side, beyond in enumerate((poses < low, poses > high)):
+        own = beyond.sum(axis=0) > _ITS_OWN * touches.sum()  # else the contact is another joint's
+        ends[own, side] = (low, high)[side][own]
+    return ends
 
 
 def _joint(model: mujoco.MjModel, channels: Channels, runs: Sequence[Run], c: int, free: Array) -> Place:
