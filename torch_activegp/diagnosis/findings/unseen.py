@@ -70,11 +70,10 @@ def is_predictable(engine: Engine, candidate: Candidate, runs: Sequence[Run], st
     From its begin, and from where the machine was recorded later on: a free run that has left the recording may be
     calm. An arm that was held up by its controls hung down in one, 23000 times the noise away from the recording.
     """
-    channels, rows = (
-        engine.channels,
-        [np.linspace(0, len(run) - 1, _BEGINS, endpoint=False).astype(int) for run in runs],
-    )
-    pieces = [(number, row, row, len(run) - 1) for number, run in enumerate(runs) for row in rows[number].tolist()]
+    channels, pieces = engine.channels, []
+    for number, run in enumerate(runs):
+        rows = np.linspace(0, len(run) - 1, _BEGINS, endpoint=False).astype(int).tolist()
+        pieces += [(number, row, row, len(run) - 1) for row in rows]
     segments = lay(runs, pieces)
     states = engine.starts(segments)
     states[::_BEGINS] = starts

@@ -52,10 +52,14 @@ def with_missing_controls(
     Returns:
         The runs, the further ones, and a note where controls are not held.
     """
+    pieces, kept = _around_gaps(runs), (list(runs), list(others), list[str]())
+    if not pieces:
+        return kept
     degree = _degree(runs)
     moving, also = ([moved(run, degree) for run in some] for some in (runs, others))
-    if not _agree_better(moving, runs, engines, noise, candidate):
-        return list(runs), list(others), []
+    on, held = (min(_left(lay(some, pieces), form, noise, candidate) for form in engines) for some in (moving, runs))
+    if held - on <= _BETTER:
+        return kept
     count = sum(int(_in_gaps(run)[0].sum()) for run in (*runs, *others))
     note = (
         f"{count} rows are missing. Controls are taken as on their way from the last row before a gap to the next: the "
@@ -76,8 +80,9 @@ def as_the_machine_moved(machine: Machine, nthread: int = 0) -> Machine:
     numerics, noise = numerics_of(machine, nthread), noise_floor(machine.fit)
     engines = dict.fromkeys((numerics.given, numerics.fine))
     fit, holdout, notes = with_missing_controls(machine.fit, machine.holdout, [*engines], noise)
-    moved = dataclasses.replace(machine, fit=tuple(fit), holdout=tuple(holdout), notes=(*machine.notes, *notes))
-    return moved if notes else machine
+    if not notes:
+        return machine
+    return dataclasses.replace(machine, fit=tuple(fit), holdout=tuple(holdout), notes=(*machine.notes, *notes))
 
 
 def moved(run: Run, degree: int) -> Run:
@@ -123,17 +128,6 @@ def _degree(runs: Sequence[Run]) -> int:
         scale = np.where(np.ptp(u, axis=0) > 0.0, np.ptp(u, axis=0), np.inf)  # what is held says nothing
         errors += [(((guess - here) / scale) ** 2).sum() for guess in (straight, curved)]
     return 3 if errors[1] < errors[0] else 1
-
-
-def _agree_better(
-    moving: Sequence[Run], held: Sequence[Run], engines: Sequence[Engine], noise: NoiseModel, candidate: Candidate
-) -> bool:
-    """Whether motions around gaps agree better with controls that change in them than with those that are held."""
-    pieces = _around_gaps(held)
-    if not pieces:
-        return False
-    left = [min(_left(lay(runs, pieces), engine, noise, candidate) for engine in engines) for runs in (moving, held)]
-    return left[1] - left[0] > _BETTER
 
 
 def _around_gaps(runs: Sequence[Run]) -> list[tuple[int, int, int, int]]:

@@ -173,9 +173,9 @@ class Numerics(Forms):
         if self.stiff or not own or not judged.effects or judged.chi2 < NOISE_ALONE * first.dof:
             return engine, working, judged
         here = self._rough(first, judged, ())
-        held, *others = [Rival.at(first, form, here) for form in dict.fromkeys((engine, self.fine))]
-        for rival in self._own_rivals(own, first, here, [held, *others]):
-            if rival.left < (1.0 - _DISCRETE) * held.left:
+        rivals = [Rival.at(first, form, here) for form in dict.fromkeys((engine, self.fine))]
+        for rival in self._own_rivals(own, first, here, rivals):
+            if rival.left < (1.0 - _DISCRETE) * rivals[0].left:
                 closer, fit = self._working(rival, first, here, np.inf)
                 if self._cost(rival.engine, fit, fit.chi2 * dof / first.dof, dof) < cost:
                     return rival.engine, closer, fit

@@ -19,7 +19,7 @@ from torch_activegp.diagnosis.simulation.candidate import NOMINAL
 from torch_activegp.diagnosis.simulation.engine import IMPLICIT_FAST, Engine, substeps_for
 from torch_activegp.diagnosis.simulation.leapfrog import is_of_second_order
 from torch_activegp.diagnosis.simulation.prescribed_motion import RUNGE_KUTTA
-from torch_activegp.diagnosis.simulation.touching import POSES, TOUCHING, is_tied, touching
+from torch_activegp.diagnosis.simulation.touching import TOUCHING, is_tied, poses_that_touch
 from torch_activegp.physics.friction import sticking
 
 _STEP = 0.005
@@ -101,8 +101,8 @@ class Forms:
         """Makes them for a machine."""
         model, step = machine.model, median_step(machine.fit)
         make: Make = functools.partial(Engine, channels=machine.channels, nthread=nthread)
-        few, plain, part = _steps(step, _STEP), substeps_for(model, machine.fit), _touching(machine)
-        tied = is_tied(model)
+        few, plain, tied = _steps(step, _STEP), substeps_for(model, machine.fit), is_tied(model)
+        part = float(poses_that_touch(model, machine.channels, (*machine.fit, *machine.holdout))[1].mean())
         stiff, free = tied or part > TOUCHING, part == 0.0
         stride = 1 if stiff else max(int(_STEP / step + 1e-6), 1)
         given = make(model, substeps=plain)
@@ -208,16 +208,6 @@ def _firm(
         return {"firm": leapt, "firm_quick": quick}
     firm = by(max(often, _steps(step, 2 * _FIRM_STEP)), integrator=RUNGE_KUTTA)
     return {"firm": firm, "firm_leapt": leapt, "firm_quick": quick}
-
-
-def _touching(machine: Machine) -> float:
-    """The part of the recorded poses in which something touches, or a joint is at its limit."""
-    model, channels = machine.model, machine.channels
-    seen = []
-    for run in (*machine.fit, *machine.holdout):
-        rows = np.arange(0, len(run), max(len(run) // POSES, 1))
-        seen.append(touching(model, channels, run, rows))
-    return float(np.concatenate(seen).mean())
 
 
 def _agrees(calm: Engine, plain: Engine, runs: Sequence[Run], least: float = _AGREES) -> bool:

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from torch_activegp.diagnosis.inputs.runs import Array, Channels, Run, median_step
 from torch_activegp.diagnosis.simulation.prescribed_motion import only_on
-from torch_activegp.diagnosis.simulation.touching import POSES, TOUCHING, touching
+from torch_activegp.diagnosis.simulation.touching import TOUCHING, poses_that_touch
 from torch_activegp.physics import Effect, Place, catalogue
 from torch_activegp.physics.body import BodyEffect
 
@@ -51,9 +51,7 @@ def effects_for(
 
 def _free(model: mujoco.MjModel, channels: Channels, runs: Sequence[Run]) -> Array:
     """The range of each channel beyond which the model touched something in all poses, ``(C, 2)``; it may be all."""
-    rows = [np.arange(0, len(run), max(len(run) // POSES, 1)) for run in runs]
-    poses = np.concatenate([run.smooth[some] for run, some in zip(runs, rows, strict=True)])
-    touches = np.concatenate([touching(model, channels, run, some) for run, some in zip(runs, rows, strict=True)])
+    poses, touches = poses_that_touch(model, channels, runs)
     ends = np.array([[-np.inf, np.inf]] * poses.shape[1])
     if not TOUCHING < touches.mean() < 1.0:
         return ends

@@ -3,14 +3,15 @@
 from __future__ import annotations
 
 import copy
+from collections.abc import Sequence
 
 import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
-from torch_activegp.diagnosis.inputs.runs import Channels, Run
+from torch_activegp.diagnosis.inputs.runs import Array, Channels, Run
 
-POSES = 300
+_POSES = 300
 """Rows of a run, evenly spread, that show how often something touches."""
 TOUCHING = 0.01
 """Contact in fewer poses is an accident of noise or of shapes drawn too large."""
@@ -30,6 +31,16 @@ def touching(model: mujoco.MjModel, channels: Channels, run: Run, rows: NDArray[
         mujoco.mj_fwdPosition(model, data)
         out[i] = bool(data.ncon or data.nl)
     return out
+
+
+def poses_that_touch(model: mujoco.MjModel, channels: Channels, runs: Sequence[Run]) -> tuple[Array, NDArray[np.bool_]]:
+    """Some recorded poses of runs, ``(N, C)``, and whether something touches in each, ``(N,)``."""
+    poses, touches = [], []
+    for run in runs:
+        rows = np.arange(0, len(run), max(len(run) // _POSES, 1))
+        poses.append(run.smooth[rows])
+        touches.append(touching(model, channels, run, rows))
+    return np.concatenate(poses), np.concatenate(touches)
 
 
 def is_tied(model: mujoco.MjModel) -> bool:
