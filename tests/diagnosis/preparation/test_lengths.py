@@ -5,6 +5,8 @@ import dataclasses
 import numpy as np
 import pytest
 
+from tests.diagnosis.ram import ram
+from torch_activegp.diagnosis.noise.model import NoiseModel
 from torch_activegp.diagnosis.preparation import lengths
 from torch_activegp.diagnosis.preparation.lengths import longest, uncut
 from torch_activegp.diagnosis.preparation.numerics import Numerics
@@ -114,3 +116,13 @@ def test_states_are_sought_in_brief_pieces_where_something_touches_and_in_new_se
     found = longest(bench.machine, forms, bench.shooting.noise, 60.0)
     assert found.segments.size == whole + 1
     assert [size for size in sought if size] == [whole, 2]
+
+
+@pytest.mark.parametrize("touches", [True, False])
+def test_what_stands_out_where_something_touches_is_cut_shorter(touches: bool) -> None:
+    machine = ram(step=0.005, soft=0.02, noise=5e-5, rows=801, push=6.0, truth=0.005 / 4)
+    numerics = dataclasses.replace(Numerics.of(machine, 1), stiff=touches)
+    segments = longest(machine, numerics, NoiseModel.white(np.array([5e-5])), 60.0).segments
+    seconds = segments.dt[:, 0] * np.diff(segments.scored, axis=1)[:, 0]
+    assert (seconds.min() < 0.19) == touches
+    assert seconds.max() > 0.4

@@ -64,3 +64,10 @@ def test_it_is_asked_only_where_little_is_missing_and_something_touches(leaning,
     assert nameless_in_finer_steps(numerics, shooting, Selection(nominal, [nominal], Score(100, 60, 1.0))) is None
     assert [form.substeps for form in numerics.finer] == [2 * numerics.given.substeps, 4 * numerics.given.substeps]
     assert Numerics.of(bench.machine, 1).finer == ()
+
+
+def test_names_that_were_found_in_such_steps_stay(leaning, monkeypatch) -> None:
+    numerics, shooting, _, _ = leaning
+    monkeypatch.setattr("torch_activegp.diagnosis.selection.finer_steps._SMALL", 1e9)
+    finest = dataclasses.replace(shooting, engine=numerics.finer[-1])
+    assert nameless_in_finer_steps(numerics, finest, named(leaning, 1.5)) is None
