@@ -16,6 +16,8 @@ from torch_activegp.physics.place import Place
 from torch_activegp.physics.rotor import Motion, Past, add_rotor, carried
 
 _LIGHTEST, _LEAST = 0.01, 1e-9
+_NO_GAP = 1e-5
+"""Part of the joint's range that is no gap: a fiftieth of the smallest one that a search begins from."""
 _SPAN = 2
 _BACK, _FINE = 0.3, 2.5e-3
 """How long a rotor is carried along a recording before a simulation, and in about what steps, s."""
@@ -92,6 +94,10 @@ class Backlash(Effect):
             drives=tuple(drives),
             dt=place.dt,
         )
+
+    def plausible(self, values: Array) -> bool:
+        """Whether there is a gap: none at all is another way to compute the same drive, or one that gives way."""
+        return bool(values[0] >= _NO_GAP * self.parameters[0].high)
 
     def edit(self, field: Callable[[str], Array], rows: Index, values: Array) -> bool:
         """Takes the rotor off the joint."""

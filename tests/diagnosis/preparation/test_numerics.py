@@ -2,6 +2,7 @@ from __future__ import annotations
 
 import dataclasses
 
+import mujoco
 import numpy as np
 import pytest
 
@@ -296,7 +297,7 @@ def test_behind_names_that_leave_more_than_noise_the_own_integrator_is_tried_onc
     """What seemed no closer before the names were fitted, may be behind them."""
     made = Numerics.of(clean.integrated("Euler", 0.01), 1)
     shooting = truth_of(clean, made, "fine", 0.1)
-    own, friction = made.own[0], (clean.effect("viscous_friction"),)
+    own, friction = made.own[0], (clean.effect("coulomb_friction"),)
     fit = shooting.fit([(friction, (np.array([0.001]),))], clean.nominal.starts)[0]
     asked: list[float] = []
     now: dict[str, float] = {}
@@ -339,3 +340,21 @@ def test_the_second_look_at_the_own_integrator_asks_forms_of_any_length(clean) -
     engine, _, best = made._own_behind(fit.chi2, made.given, working, fit, working, working.dof)
     assert engine in made.own
     assert best.chi2 < 0.1 * fit.chi2
+
+
+def test_a_name_that_may_be_half_a_time_step_is_left_out_where_the_own_integrator_does_without(clean) -> None:
+    """Damping that Runge-Kutta wants of a stiff servo that was simulated in steps of 2 ms."""
+    servo = '<general joint="hip" gainprm="5" biastype="affine" biasprm="0 -5 -0.1"/>'
+    xml = clean.xml.replace('<motor name="drive" joint="hip"/>', servo)
+    machine = dataclasses.replace(clean.integrated("Euler", 0.01), model=mujoco.MjModel.from_xml_string(xml))
+    machine.model.opt.timestep, machine.model.opt.integrator = 0.01, 0
+    made = Numerics.of(machine, 1)
+    truth = next(form for form in made.own if form.substeps == 5)
+    seen = truth.predict(clean.segments, clean.nominal.starts[None], [NOMINAL])[0]
+    segments = dataclasses.replace(
+        clean.segments, position=seen + 1e-5 * np.random.default_rng(0).normal(size=seen.shape)
+    )
+    working = Shooting(made.fine, segments, NoiseModel.white(np.array([1e-5])))
+    fit = working.fit([((clean.effect("viscous_friction"),), (np.zeros(1),))], clean.nominal.starts)[0]
+    engine, _, best = made._own_behind(np.inf, made.fine, working, fit, working, working.dof)
+    assert (engine, best.effects) == (truth, ())

@@ -66,6 +66,18 @@ def test_firm_friction_is_as_firm_as_that_of_short_steps(clean) -> None:
     assert (firm.substeps, firm.late) == (40, True)
 
 
+def test_the_models_own_integrator_has_firm_friction_too(clean) -> None:
+    """A truth by the model's own scheme whose friction was made firm: Runge-Kutta left 6.8 per dof on a valve."""
+    made = Forms.of(clean.integrated("Euler", 0.01, 'frictionloss="0.6"'), 1)
+    firm = [form for form in made.own if made.sticks(form)]
+    assert [form.substeps for form in firm] == [2, 4, 5, 10, 20]
+    assert {(form.late, form.model.opt.integrator) for form in firm} == {(False, EULER)}
+    assert [form.model.dof_solref[0, 0] for form in firm] == pytest.approx([0.02 / form.substeps for form in firm])
+    assert made.stand_in(firm[-1]) is firm[1]  # which sticks as well
+    soft = next(form for form in made.own if form.substeps == 20 and form not in firm)
+    assert not made.sticks(made.stand_in(soft))
+
+
 def test_what_strikes_now_and_then_takes_long_steps_where_nothing_touches(clean) -> None:
     highest = np.rad2deg(np.quantile(np.concatenate([run.smooth for run in clean.machine.fit]), [0.95, 0.5]))
     seldom, often = (

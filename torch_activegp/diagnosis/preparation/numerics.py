@@ -11,7 +11,13 @@ from torch_activegp.diagnosis.inputs.segments import Segments
 from torch_activegp.diagnosis.noise.model import NoiseModel
 from torch_activegp.diagnosis.preparation.agreement import bar, first_close, just, settled, unabsorbed
 from torch_activegp.diagnosis.preparation.brief_pieces import left_in_brief
-from torch_activegp.diagnosis.preparation.late import LIKE_A_TIME_STEP, Sets, otherwise_late, without_delays
+from torch_activegp.diagnosis.preparation.late import (
+    LIKE_A_TIME_STEP,
+    Sets,
+    otherwise_late,
+    without_delays,
+    without_half_steps,
+)
 from torch_activegp.diagnosis.preparation.rivals import Rival, closest_by_one, distinct
 from torch_activegp.diagnosis.preparation.telling import CREEPS, enough, telling
 from torch_activegp.diagnosis.shooting.fit import Fit
@@ -167,18 +173,24 @@ class Numerics(Forms):
         """What won, or the model's own integrator in shorter steps where that comes closer behind names.
 
         Far from them, before they are fitted, all forms seem as far off: behind a spring on a gimbal Runge-Kutta left
-        2.4 times the noise, and the integrator that had made the data had left no less than it at first sight.
+        2.4 times the noise, and the integrator that had made the data had left no less than it at first sight. Names
+        that may stand for a time step are left out first.
         """
         own = [form for form in self.own if form is not engine]
-        if self.stiff or not own or not judged.effects or judged.chi2 < NOISE_ALONE * first.dof:
+        if self.stiff or not own or not judged.effects:
             return engine, working, judged
-        here = self._rough(first, judged, ())
-        rivals = [Rival.at(first, form, here) for form in dict.fromkeys((engine, self.fine))]
-        for rival in self._own_rivals(own, first, here, rivals):
-            if rival.left < (1.0 - _DISCRETE) * rivals[0].left:
-                closer, fit = self._working(rival, first, here, np.inf)
-                if self._cost(rival.engine, fit, fit.chi2 * dof / first.dof, dof) < cost:
-                    return rival.engine, closer, fit
+        step = float(np.median(first.segments.dt)) / self.given.substeps
+        sets = without_half_steps([(judged.effects, judged.values)], self.given.model, step)
+        begins = [working.fit(sets, judged.starts, near=judged)[0]] if sets else []
+        begins += [judged] if judged.chi2 >= NOISE_ALONE * first.dof else []
+        for begin in begins:
+            here = self._rough(first, begin, ())
+            rivals = [Rival.at(first, form, here) for form in dict.fromkeys((engine, self.fine))]
+            for rival in self._own_rivals(own, first, here, rivals):
+                if rival.left < (1.0 - _DISCRETE) * rivals[0].left:
+                    closer, fit = self._working(rival, first, here, np.inf)
+                    if self._cost(rival.engine, fit, fit.chi2 * dof / first.dof, dof) < cost:
+                        return rival.engine, closer, fit
         return engine, working, judged
 
     def _dear(self, engine: Engine, first: Shooting, known: Known | None) -> tuple[bool, bool, float]:

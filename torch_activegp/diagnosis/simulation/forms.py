@@ -137,9 +137,12 @@ class Forms:
         late_drives = bool((model.actuator_dyntype == int(mujoco.mjtDyn.mjDYN_FILTEREXACT)).any())
         euler = model.opt.integrator == RUNGE_KUTTA and not (stiff or late_drives)
         first = IMPLICIT_FAST if euler else None
-        own = tuple(make(model, substeps=steps, integrator=first) for steps in shorter)
+        own = [make(model, substeps=steps, integrator=first) for steps in shorter]
+        if model.dof_frictionloss.any():
+            some = [steps for steps in shorter if steps // plain in FEW_SHORTER]
+            own += [make(sticking(model, step / steps), substeps=steps, integrator=first) for steps in some]
         finer = tuple(make(model, substeps=plain * many) for many in FEW_SHORTER[:2]) if stiff else ()
-        made = cls(given, fine, coarse, middle, stiff, late, **short, own=own, finer=finer)
+        made = cls(given, fine, coarse, middle, stiff, late, **short, own=tuple(own), finer=finer)
         begin_drives(made.all, machine.fit)
         return made
 
@@ -157,15 +160,15 @@ class Forms:
     def stand_in(self, engine: Engine) -> Engine:
         """What may stand in for one of the forms where no coarse one is close."""
         if engine in self.own:
-            quicker = _QUICKER * self.given.substeps
-            fewer = (own for own in self.own if own.substeps >= quicker and 2 * own.substeps <= engine.substeps)
-            return next(fewer, engine)
+            quicker = range(_QUICKER * self.given.substeps, engine.substeps // 2 + 1)
+            alike = (own for own in self.own if self.sticks(own) == self.sticks(engine))
+            return next((own for own in alike if own.substeps in quicker), engine)
         quick = self.firm_quick if self.sticks(engine) else self.quick
         return quick if quick is not None and engine in self.short and engine.late else self.middle
 
     def sticks(self, engine: Engine) -> bool:
         """Whether the joints' own dry friction sticks firmly in one of the forms."""
-        return engine in (self.firm, self.firm_leapt)
+        return not np.array_equal(engine.model.dof_solref, self.given.model.dof_solref)
 
 
 def _in_long_steps(plain: Engine, model: mujoco.MjModel, machine: Machine, nthread: int) -> Engine:
