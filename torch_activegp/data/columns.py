@@ -21,6 +21,8 @@ A TOML file with one line for each canonical column. The value is the file's own
 ``sign``            1 or -1
 ``scale``           a further factor, for anything that has no unit here
 ``offset``          added last, in SI units
+``rows_late``       of controls and forces: by how many rows the file has them too late; 1 where a row holds the command
+                    that led to its position. They are moved up by so many; the last one is held
 ==================  ================================================================================================
 
 The value is ``sign * scale * unit * raw + offset``. Columns of the file that already have canonical names are taken as
@@ -49,11 +51,12 @@ _COMMA = re.compile(r"[+-]?\d+,\d+")
 
 @dataclasses.dataclass(frozen=True)
 class ColumnRule:
-    """One line of a column map: where a canonical column comes from, and ``factor * raw + offset`` to SI."""
+    """One line of a column map: where a column comes from, ``factor * raw + offset`` to SI, rows that it is late by."""
 
     column: str
     factor: float = 1.0
     offset: float = 0.0
+    rows_late: int = 0
 
 
 _SETTINGS: dict[str, tuple[type, ...]] = {
@@ -63,7 +66,10 @@ _SETTINGS: dict[str, tuple[type, ...]] = {
     "sign": (int, float),
     "scale": (int, float),
     "offset": (int, float),
+    "rows_late": (int,),
 }
+_HELD = ("ctrl", "qfrc")
+"""Kinds of column that hold from row to row, and may be late by some."""
 
 
 class ColumnMap:
@@ -150,7 +156,13 @@ class ColumnMap:
         rules = own | self.rules
         if not self.rules and not self.prescribed and not self.video:
             _refuse_unknown(table, where)
-        return pd.DataFrame({key: self._column(table, key, rule, where) for key, rule in rules.items()})
+        found = pd.DataFrame({key: self._column(table, key, rule, where) for key, rule in rules.items()})
+        runs = found["run"] if "run" in found else np.zeros(len(found))
+        for key, rule in rules.items():
+            if rule.rows_late:
+                moved = found.groupby(runs, sort=False)[key].shift(-rule.rows_late)
+                found[key] = moved.groupby(runs, sort=False).ffill().fillna(found[key])
+        return found
 
     def unused(self, table: pd.DataFrame) -> list[str]:
         """Return the raw columns that this map leaves out."""
@@ -186,7 +198,13 @@ def _rule(key: str, value: object, name: str) -> ColumnRule:
             raise DataError(f"{name}: `{setting}` of `{key}` is {content!r}: {_SETTINGS[setting][0].__name__} wanted.")
     if key == "run":
         return ColumnRule(settings.get("column", key))
-    return ColumnRule(settings.get("column", key), _factor(key, settings, name), float(settings.get("offset", 0.0)))
+    late = settings.get("rows_late", 0)
+    if "rows_late" in settings and (late < 0 or key.partition(".")[0] not in _HELD):
+        raise DataError(
+            f"{name}: `rows_late` of `{key}` is {late}: no fewer than 0 rows wanted, of a column of {' or '.join(_HELD)}."
+        )
+    offset = float(settings.get("offset", 0.0))
+    return ColumnRule(settings.get("column", key), _factor(key, settings, name), offset, late)
 
 
 def _factor(key: str, settings: Mapping[str, Any], name: str) -> float:

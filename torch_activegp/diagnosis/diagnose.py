@@ -13,6 +13,7 @@ from torch_activegp.diagnosis.checkpoint import Checkpoint
 from torch_activegp.diagnosis.findings.entries import named_effects, recording_entries, retuned_entries, rival_entries
 from torch_activegp.diagnosis.findings.evidence import laws, map_region, map_time
 from torch_activegp.diagnosis.findings.forecast import compare
+from torch_activegp.diagnosis.findings.late_controls import doubt_rows
 from torch_activegp.diagnosis.findings.locate import entries, locate, somewhere
 from torch_activegp.diagnosis.findings.notes import search_notes
 from torch_activegp.diagnosis.findings.proposal import propose
@@ -164,6 +165,7 @@ def _report(
     proposal = propose(explanation, judgement, machine.fit, seed)
     if proposal is not None:
         files["next.csv"] = proposal[1]
+    late = doubt_rows(explanation) if judgement.verdict == "unknown" else []
     details: dict[str, Any] = {
         "mismatch": {
             "detected": judgement.verdict != "none",
@@ -184,7 +186,7 @@ def _report(
         "next_experiment": None if proposal is None else proposal[0],
         "model": {"name": source.name, "source": source.path},
         "recordings": recording_entries(machine),
-        "notes": [*machine.notes, *search_notes(explanation, machine.model), *_remainder_note(outcome), *verdict.notes],
+        "notes": [*machine.notes, *late, *search_notes(explanation, machine.model), *_remainder_note(outcome), *verdict.notes],
         "rivals": rival_entries(explanation, judgement),
         "retuned": retuned_entries(explanation, judgement),
         "mjcf_diff": difference if chosen.effects else None,
@@ -197,7 +199,7 @@ def _report(
         "laws": laws(machine.channels, left, chosen, judgement.named) if named else [],
         "traces": traces,
     }
-    words = sentence(judgement.verdict, named, details, machine.doubts)
+    words = sentence(judgement.verdict, named, details, [*machine.doubts, *late])
     files |= saved_files({"corrected.pt": corrected, "learned.pt": learned}, details["notes"])
     return Diagnosis(judgement.verdict, words, named, details, evidence, files, corrected, learned, verdict.stability)
 

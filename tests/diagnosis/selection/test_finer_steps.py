@@ -10,7 +10,7 @@ from torch_activegp.diagnosis.inputs.segments import cut
 from torch_activegp.diagnosis.noise.model import NoiseModel
 from torch_activegp.diagnosis.preparation.numerics import Numerics
 from torch_activegp.diagnosis.selection.compared import Selection
-from torch_activegp.diagnosis.selection.finer_steps import nameless_in_finer_steps
+from torch_activegp.diagnosis.selection.finer_steps import nameless_in_finer_steps, without_a_step
 from torch_activegp.diagnosis.shooting.likelihood import Shooting
 from torch_activegp.diagnosis.shooting.score import Score
 from torch_activegp.diagnosis.simulation.places import effects_for
@@ -71,3 +71,27 @@ def test_names_that_were_found_in_such_steps_stay(leaning, monkeypatch) -> None:
     monkeypatch.setattr("torch_activegp.diagnosis.selection.finer_steps._SMALL", 1e9)
     finest = dataclasses.replace(shooting, engine=numerics.finer[-1])
     assert nameless_in_finer_steps(numerics, finest, named(leaning, 1.5)) is None
+
+
+def test_what_is_late_by_less_than_half_a_step_of_the_own_integrator_is_no_name(clean) -> None:
+    """Which then is the nominal, as of recordings that a simulator in other steps has made."""
+    numerics = Numerics.of(clean.integrated("Euler", 0.01), 1)
+    own = next(form for form in numerics.own if form.substeps == 10)  # 1 ms
+    shooting, lag, wet = (
+        clean.shooting,
+        clean.effect("actuator_lag", "actuator:drive"),
+        clean.effect("viscous_friction"),
+    )
+    nominal = shooting.fit([((), ())], clean.nominal.starts)[0]
+
+    def compared(late: float) -> Selection:
+        values = (np.array([0.1]), np.array([late]))
+        best = dataclasses.replace(nominal, effects=(wet, lag), values=values, chi2=0.5 * nominal.chi2)
+        return Selection(nominal, [nominal, best], Score(shooting.samples, 60, 1.0))
+
+    few, many = compared(0.0004), compared(0.0006)
+    assert without_a_step(numerics, own, shooting, many) is many
+    assert without_a_step(numerics, numerics.fine, shooting, few) is few
+    found = without_a_step(numerics, own, shooting, few)
+    assert {fit.effects for fit in found.fits} == {(), (wet,)}
+    assert found.best.effects == ()

@@ -35,7 +35,10 @@ _SLIPS = {True: {"deg": 180 / np.pi}, False: {"mm": 1e3, "cm": 1e2}}
 
 @dataclasses.dataclass(frozen=True)
 class Motion:
-    """Rows of all runs: positions, velocities, accelerations ``(T, C)``, controls ``(T, nu)``, forces ``(T, nv)``."""
+    """Rows of all runs: positions, velocities, accelerations ``(T, C)``, controls ``(T, nu)``, forces ``(T, nv)``.
+
+    Controls and forces are averaged as the accelerations are, or what is fast in them would seem to be lacking.
+    """
 
     position: Array
     velocity: Array
@@ -154,16 +157,24 @@ def motion_of(runs: Sequence[Run]) -> Motion | None:
         window = max(2 * round(0.5 * _WINDOW / dt) + 1, DEGREE + 2)
         if window >= len(run) // 2:
             continue
-        time = torch.from_numpy(run.time)
-        slopes = [local_slope(time, torch.from_numpy(column.copy()), window).numpy() for column in run.velocity.T]
+        inputs = np.concatenate([run.control, run.force], axis=1)
+        given = np.concatenate([0.0 * inputs[:1], np.cumsum(inputs * np.diff(run.time)[:, None], axis=0)])
+        acceleration, inputs = (_slopes(run.time, columns, window) for columns in (run.velocity, given))
         rows = np.unique(np.linspace(window, len(run) - 1 - window, _ROWS).astype(int))
-        acceleration = np.stack(slopes, axis=1)[rows]
-        parts.append([run.smooth[rows], run.velocity[rows], acceleration, run.control[rows], run.force[rows]])
-        seen.append((acceleration**2).mean(axis=0))
+        control, force = np.split(inputs[rows], [run.control.shape[1]], axis=1)
+        parts.append([run.smooth[rows], run.velocity[rows], acceleration[rows], control, force])
+        seen.append((acceleration[rows] ** 2).mean(axis=0))
         noise.append(720.0 * run.noise**2 / (window**5 * dt**4))  # of a parabola fitted to the window
     if not parts or (np.mean(seen, axis=0) < _LOUD**2 * np.mean(noise, axis=0)).any():
         return None
     return Motion(*(np.concatenate(columns) for columns in zip(*parts, strict=True)))
+
+
+def _slopes(time: Array, columns: Array, window: int) -> Array:
+    """The slope of each column ``(T, n)`` over so many rows."""
+    clock = torch.from_numpy(time)
+    slopes = [local_slope(clock, torch.from_numpy(column.copy()), window).numpy() for column in columns.T]
+    return np.stack(slopes, axis=1) if slopes else 0.0 * columns
 
 
 def forces_of(model: mujoco.MjModel, channels: Channels, motion: Motion, factors: Array) -> tuple[Array, Array]:

@@ -143,7 +143,7 @@ class Numerics(Forms):
             dof: of all segments.
             known: as in `choose`.
         """
-        results: list[tuple[float, Engine, Shooting, Fit]] = []
+        results: list[tuple[float, Engine, Shooting, Fit, float]] = []
         share, least = first.dof / dof, np.inf
         rivals = sorted(rivals, key=lambda one: self._dear(one.engine, first, known))
         strikes = self.stiff or any(e.name == "joint_stop" for e in rough.effects)
@@ -164,8 +164,8 @@ class Numerics(Forms):
             others = working.fit(trials, judged.starts, near=judged) if trials else []
             best = min([judged, *others], key=lambda fit: fit.chi2 / share + _PRICE * fit.size)
             cost = self._cost(rival.engine, best, best.chi2 / share, dof)
-            results.append((cost, rival.engine, working, best))
-        return self._own_behind(*min(results, key=lambda result: result[0]), first, dof)
+            results.append((cost, rival.engine, working, best, expected))
+        return self._own_behind(*min(results, key=lambda result: result[0])[:4], first, dof)
 
     def _own_behind(
         self, cost: float, engine: Engine, working: Shooting, judged: Fit, first: Shooting, dof: int
@@ -288,7 +288,11 @@ class Numerics(Forms):
         return [*sorted(cheap[:-1], key=far), cheap[-1]]
 
 
-def _too_far(results: Sequence[tuple[float, Engine, Shooting, Fit]], much: bool) -> float:
-    """The cost, as it is seen to first order, from which on a form is not fitted; whether by much."""
-    best = min(result[0] for result in results)
-    return best + (_BEHIND * best + _FAR_BEHIND if much else _BARE_BEHIND)
+def _too_far(results: Sequence[tuple[float, Engine, Shooting, Fit, float]], much: bool) -> float:
+    """The cost, as it is seen to first order, from which on a form is not fitted; whether by much.
+
+    Else it is compared with what was expected of the best one: its fit gained more than was seen to first order, and so
+    may others' fits.
+    """
+    cost, *_, expected = min(results, key=lambda result: result[0])
+    return cost + _BEHIND * cost + _FAR_BEHIND if much else max(cost, expected) + _BARE_BEHIND

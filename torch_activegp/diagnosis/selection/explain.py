@@ -21,7 +21,7 @@ from torch_activegp.diagnosis.preparation.numerics import Numerics
 from torch_activegp.diagnosis.preparation.telling import CREEPS
 from torch_activegp.diagnosis.selection.compared import Selection
 from torch_activegp.diagnosis.selection.corrections import correct_alike
-from torch_activegp.diagnosis.selection.finer_steps import nameless_in_finer_steps
+from torch_activegp.diagnosis.selection.finer_steps import nameless_in_finer_steps, without_a_step
 from torch_activegp.diagnosis.selection.first_names import Naming, besides, in_brief_pieces, is_of, leaders, on_a_part
 from torch_activegp.diagnosis.selection.polish import polish
 from torch_activegp.diagnosis.selection.prospects import hopeless
@@ -251,6 +251,7 @@ def _finish(
         if weak is selection:
             break
         selection = weak
+    selection = without_a_step(numerics, engine, shooting, selection)
     if (nameless := nameless_in_finer_steps(numerics, shooting, selection)) is not None:
         return Explanation(nameless[0].engine, *nameless, tuple(effects), fine=True)
     correct_alike(selection, shooting, effects)
