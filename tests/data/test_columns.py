@@ -59,6 +59,17 @@ def test_a_map_renames_rescales_and_flips(tmp_path: Path) -> None:
     assert columns.unused(table()) == ["temperature"]
 
 
+def test_a_command_that_was_logged_after_it_acted_moves_up_within_its_run() -> None:
+    raw = pd.DataFrame({"time": np.arange(6.0), "run": list("aaabbb"), "u": [1.0, 2.0, 3.0, 4.0, 5.0, 6.0]})
+    late = {"column": "u", "rows_late": 1}
+    found = ColumnMap.from_mapping({"ctrl": {"motor": late}}).apply(raw, "a.csv")
+    assert found["ctrl.motor"].tolist() == [2.0, 3.0, 3.0, 5.0, 6.0, 6.0]
+    far = ColumnMap.from_mapping({"ctrl": {"motor": late | {"rows_late": 9}}}).apply(raw, "a.csv")
+    assert far["ctrl.motor"].tolist() == raw["u"].tolist()  # nothing is known so late
+    alone = ColumnMap.from_mapping({"ctrl": {"motor": late}}).apply(raw.drop(columns="run"), "a.csv")
+    assert alone["ctrl.motor"].tolist() == [2.0, 3.0, 4.0, 5.0, 6.0, 6.0]
+
+
 def test_a_map_says_which_joints_are_prescribed() -> None:
     """Such a map is one: it leaves columns out."""
     columns = ColumnMap.from_mapping({"prescribed": ["slide"]})
@@ -116,6 +127,9 @@ def test_numbers_name_runs(run: list, names: list[str]) -> None:
             r'map.toml: `prescribed` wants names of joints, such as \["turntable"\], found \'arm\'',
         ),
         ({"prescribed": [1]}, "`prescribed` wants names of joints"),
+        ({"ctrl": {"a": {"rows_late": -1}}}, "`rows_late` of `ctrl.a` is -1: 0 rows or more wanted"),
+        ({"ctrl": {"a": {"rows_late": 0.5}}}, "`rows_late` of `ctrl.a` is 0.5: int wanted"),
+        ({"qpos": {"a": {"rows_late": 1}}}, "`rows_late` of `qpos.a` is 1: .* of a column of ctrl or qfrc"),
         ({"video": "yes"}, "map.toml: `video` wants true or false, found 'yes'"),
     ],
 )

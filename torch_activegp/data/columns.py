@@ -201,7 +201,7 @@ def _rule(key: str, value: object, name: str) -> ColumnRule:
     late = settings.get("rows_late", 0)
     if "rows_late" in settings and (late < 0 or key.partition(".")[0] not in _HELD):
         raise DataError(
-            f"{name}: `rows_late` of `{key}` is {late}: no fewer than 0 rows wanted, of a column of {' or '.join(_HELD)}."
+            f"{name}: `rows_late` of `{key}` is {late}: 0 rows or more wanted, of a column of {' or '.join(_HELD)}."
         )
     offset = float(settings.get("offset", 0.0))
     return ColumnRule(settings.get("column", key), _factor(key, settings, name), offset, late)

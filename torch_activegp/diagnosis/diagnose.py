@@ -26,6 +26,7 @@ from torch_activegp.diagnosis.inputs.fingerprint import fingerprint
 from torch_activegp.diagnosis.inputs.machine import Machine, check_given, make_machine
 from torch_activegp.diagnosis.inputs.runs import Array, input_addresses, median_step
 from torch_activegp.diagnosis.inputs.source import Source, read_source
+from torch_activegp.diagnosis.preparation.filtered_rows import thinned
 from torch_activegp.diagnosis.preparation.missing_rows import as_the_machine_moved
 from torch_activegp.diagnosis.result import Diagnosis
 from torch_activegp.diagnosis.selection.explain import Explanation, explain
@@ -97,7 +98,8 @@ def diagnose(
     say("reading", 0.0)
     recordings, holdout = check_given(recordings, "diagnose"), check_given(holdout or (), "diagnose")
     source = read_source(model)
-    machine = as_the_machine_moved(make_machine(source.model, recordings, holdout, source.box), nthread)
+    machine = make_machine(source.model, recordings, holdout, source.box)
+    machine = thinned(as_the_machine_moved(machine, nthread))
     for note in machine.notes:
         _logger.warning("%s", note)
     tried = effects_for(machine.model, machine.channels, machine.fit, effects)
@@ -186,7 +188,13 @@ def _report(
         "next_experiment": None if proposal is None else proposal[0],
         "model": {"name": source.name, "source": source.path},
         "recordings": recording_entries(machine),
-        "notes": [*machine.notes, *late, *search_notes(explanation, machine.model), *_remainder_note(outcome), *verdict.notes],
+        "notes": [
+            *machine.notes,
+            *late,
+            *search_notes(explanation, machine.model),
+            *_remainder_note(outcome),
+            *verdict.notes,
+        ],
         "rivals": rival_entries(explanation, judgement),
         "retuned": retuned_entries(explanation, judgement),
         "mjcf_diff": difference if chosen.effects else None,

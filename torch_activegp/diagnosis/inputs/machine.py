@@ -244,5 +244,5 @@ def _part(run: Run, start: int, stop: int, name: str) -> Run:
     held = {f: getattr(run, f)[start : stop - 1] for f in ("control", "force")}
     time = run.time[start:stop] - run.time[start]
     given = None if run.prescribed is None else _part(run.prescribed, start, stop, name)
-    rows["glitch"] = None if run.glitch is None else run.glitch[start:stop]
+    rows["left_out"] = None if run.left_out is None else run.left_out[start:stop]
     return dataclasses.replace(run, label=f"{run.label} ({name})", time=time, prescribed=given, **rows, **held)

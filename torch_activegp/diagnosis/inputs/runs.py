@@ -100,7 +100,7 @@ class Run:
         prescribed: the same of the P prescribed joints; None where they stay where a simulation starts.
         coupling: how far a displacement of one of them moves each channel, ``(C, P)``.
         video: whether the errors of the positions last, as those of a video do.
-        glitch: whether a position of a row is a glitch, ``(K + 1,)``; None where there is no such row.
+        left_out: which recorded rows count for nothing: glitches, what a filter made; ``(K + 1,)``; None where none.
         notes: which of its rows were left out, in words.
     """
 
@@ -116,7 +116,7 @@ class Run:
     prescribed: Run | None = None
     coupling: Array | None = None
     video: bool = False
-    glitch: NDArray[np.bool_] | None = None
+    left_out: NDArray[np.bool_] | None = None
     notes: tuple[str, ...] = ()
 
     @property
@@ -126,8 +126,8 @@ class Run:
 
     @property
     def counted(self) -> NDArray[np.bool_]:
-        """The rows that say where the machine was, ``(K + 1,)``: recorded, and no glitch."""
-        return self.recorded if self.glitch is None else self.recorded & ~self.glitch
+        """The rows that say where the machine was, ``(K + 1,)``: recorded, and not left out."""
+        return self.recorded if self.left_out is None else self.recorded & ~self.left_out
 
     def __len__(self) -> int:
         return len(self.time)
@@ -210,7 +210,7 @@ def _laid(
         force=force[held[:-1]],
         noise=noise,
         video=recording.video,
-        glitch=glitch if glitch.any() else None,
+        left_out=glitch if glitch.any() else None,
         notes=in_words(time, found, channels.joints),
     )
 

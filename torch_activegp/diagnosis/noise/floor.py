@@ -17,6 +17,7 @@ from torch_activegp.diagnosis.noise.model import (
     spectrum,
 )
 from torch_activegp.diagnosis.noise.periods import noise_from_periods
+from torch_activegp.diagnosis.noise.shelf import Shelf, shelf
 
 _WINDOW = 128
 _LOWEST = 0.125
@@ -48,12 +49,13 @@ def noise_floor(runs: Sequence[Run]) -> NoiseModel:
     """Noise level and colour of every channel, without a model of the machine.
 
     High differences measure white noise. A filter in the encoder makes noise whose differences are small though its
-    level is not; it shows in the spectrum above the machine's motion, which is flat for white noise. Recordings
-    slower than 67 Hz leave no such band: their noise counts as white, unless they are said to be videos, whose errors
-    last. Where the controls repeat and the motion has settled, noise is what differs from period to period, and
-    neither is asked. No floor is below 3e-5 of the motion: rigid bodies, and the arithmetic that simulates them,
-    are no more exact than that. The noise of prescribed joints moves the others in a simulation, and comes on top
-    of theirs.
+    level is not; it shows in the spectrum above the machine's motion, which is flat for white noise. A steep filter
+    shows in a spectrum that is flat up to its corner; rows as far apart as that tells have white noise again
+    (:func:`steep_filter`). Recordings slower than 67 Hz leave no such band: their noise counts as white, unless they
+    are said to be videos, whose errors last. Where the controls repeat and the motion has settled, noise is what
+    differs from period to period, and neither is asked. No floor is below 3e-5 of the motion: rigid bodies, and the
+    arithmetic that simulates them, are no more exact than that. The noise of prescribed joints moves the others in a
+    simulation, and comes on top of theirs.
 
     Args:
         runs: at least one.
@@ -70,6 +72,8 @@ def hides_filters(runs: Sequence[Run], channel: int) -> bool:
     """
     if any(run.video for run in runs) or noise_from_periods(runs, channel) is not None:
         return False
+    if steep_filter(runs, channel) is not None:
+        return False
     unseen = _lowest(runs) > _NARROW or all(_uneven(run) or _spectrum(run, channel) is None for run in runs)
     return unseen or moves_quickly(runs, channel)
 
@@ -78,6 +82,12 @@ def moves_quickly(runs: Sequence[Run], channel: int) -> bool:
     """Whether the motion goes on to the end of the spectrum; then differences may see more than the noise too."""
     band = _above_motion(runs, channel)
     return band is not None and band.moves
+
+
+def steep_filter(runs: Sequence[Run], channel: int) -> Shelf | None:
+    """The filter that took so much from the end of the spectrum that what is left looks like motion; else None."""
+    seen = _spectra(runs, channel)
+    return shelf(*seen[:2]) if seen is not None and moves_quickly(runs, channel) else None
 
 
 def finest(runs: Sequence[Run]) -> Array:
@@ -93,6 +103,8 @@ def _own(runs: Sequence[Run], least: Array | float = 0.0) -> NoiseModel:
         found = noise_from_periods(runs, channel) or _video(runs, scale[channel]) or _colour(runs, channel)
         if found is not None:
             colour[channel], scale[channel] = found
+        elif (steep := steep_filter(runs, channel)) is not None:
+            scale[channel] = steep.scale
     return NoiseModel(np.asarray(scale), colour)
 
 
@@ -134,19 +146,17 @@ def _above_motion(runs: Sequence[Run], channel: int) -> _Band | None:
     Impacts, quick servos and tight loops move a machine in the usual band too. Such a motion is no noise of any colour:
     one that is as loud as it would show more to high differences than there is, or the motion falls off more steeply.
     """
-    found = [(run, s) for run in runs if (s := _spectrum(run, channel)) is not None]
-    lowest = _lowest(runs)
-    if not found or lowest > _NARROW:
+    seen, lowest = _spectra(runs, channel), _lowest(runs)
+    if seen is None or lowest > _NARROW:
         return None
-    frequency, power = found[0][1][0], np.median([p for _, (_, p) in found], axis=0)
+    frequency, power, level = seen
     frequency, power = frequency[frequency >= lowest], power[frequency >= lowest]
     rest = 1e-20 * max(float(np.abs(run.position[:, channel]).max()) for run in runs) ** 2
     if power.min() <= rest:
         return None
-    poles, level = _closest(frequency, power)
-    shown = level**2 * high_differences(poles)
-    seen = float(np.median([run.noise[channel] ** 2 for run, _ in found]))
-    return _Band(poles, level, shown > _SHOWN * seen or _moves(frequency, power))
+    poles, new = _closest(frequency, power)
+    shown = new**2 * high_differences(poles)
+    return _Band(poles, new, shown > _SHOWN * level or _moves(frequency, power))
 
 
 def _moves(frequency: Array, power: Array) -> bool:
@@ -185,6 +195,15 @@ def _lowest(runs: Sequence[Run]) -> float:
 def _uneven(run: Run) -> bool:
     """Whether a run is sampled at uneven times; what is left of its motion hides part of the noise then."""
     return bool(np.ptp(run.dt) > _JITTER * np.median(run.dt))
+
+
+def _spectra(runs: Sequence[Run], channel: int) -> tuple[Array, Array, float] | None:
+    """Frequencies, the median spectrum of all runs that have one, and the median variance by differences in these."""
+    found = [(run, s) for run in runs if (s := _spectrum(run, channel)) is not None]
+    if not found:
+        return None
+    power = np.median([p for _, (_, p) in found], axis=0)
+    return found[0][1][0], power, float(np.median([run.noise[channel] ** 2 for run, _ in found]))
 
 
 def _spectrum(run: Run, channel: int) -> tuple[Array, Array] | None:

@@ -1,0 +1,59 @@
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from scipy import signal
+
+from torch_activegp.diagnosis.noise.floor import hides_filters, noise_floor, steep_filter
+from torch_activegp.diagnosis.noise.shelf import shelf
+
+RATE, LOUD = 250.0, 7e-4
+
+
+def spectrum(values: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    frequency, power = signal.welch(
+        values, window="blackmanharris", nperseg=128, detrend=signal.detrend, average="median"
+    )
+    return frequency[4:-2], power[4:-2]
+
+
+def filtered(order: int, corner: float, both: bool, rows: int = 8000) -> np.ndarray:
+    """A swing at 0.7 Hz and white noise, behind a Butterworth filter whose corner is in Hz; and its noise alone."""
+    noise = LOUD * np.random.default_rng(0).normal(size=rows)
+    swing = np.sin(2 * np.pi * 0.7 * np.arange(rows) / RATE)
+    b, a = signal.butter(order, corner, fs=RATE)
+    passed = (signal.filtfilt if both else signal.lfilter)(b, a, np.stack([swing + noise, noise]))
+    return np.asarray(passed[:, 200:])
+
+
+@pytest.mark.parametrize(("order", "corner", "both"), [(2, 30.0, True), (4, 25.0, True), (4, 40.0, False)])
+def test_the_corner_and_the_level_of_a_steep_filter_are_found(order: int, corner: float, both: bool) -> None:
+    values, noise = filtered(order, corner, both)
+    found = shelf(*spectrum(values))
+    assert found is not None
+    assert found.scale == pytest.approx(noise.std(), rel=0.15)
+    assert found.corner * RATE == pytest.approx(corner, rel=0.15)
+    kept = noise[:: found.rows]
+    assert abs(np.corrcoef(kept[1:], kept[:-1])[0, 1]) < 0.35  # in between it is 0.9 and more
+    assert np.corrcoef(noise[1:], noise[:-1])[0, 1] > 0.8
+
+
+def test_motion_is_no_shelf() -> None:
+    """A mass under forces that are level up to 60 Hz, without noise that is seen; and white noise."""
+    rng = np.random.default_rng(0)
+    b, a = signal.butter(4, 60.0, fs=RATE)
+    force = signal.lfilter(b, a, rng.normal(size=20000))
+    mass = signal.lfilter([1.0], [1.0, -1.98, 0.981], force)
+    assert shelf(*spectrum(mass)) is None
+    assert shelf(*spectrum(rng.normal(size=8000))) is None
+    assert shelf(*spectrum(mass + 0.1 * rng.normal(size=20000))) is None
+
+
+def test_the_floor_is_the_level_behind_the_filter(make_plain_run) -> None:
+    values, noise = filtered(2, 30.0, True)
+    run = make_plain_run(values, noise=1e-6)  # as differences see it
+    assert steep_filter([run], 0) is not None
+    floor = noise_floor([run])
+    assert floor.scale[0] == pytest.approx(noise.std(), rel=0.15)
+    assert not floor.colour.any()
+    assert not hides_filters([run], 0)

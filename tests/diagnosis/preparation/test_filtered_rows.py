@@ -1,0 +1,71 @@
+from __future__ import annotations
+
+import dataclasses
+
+import numpy as np
+import pytest
+from scipy import signal
+
+from torch_activegp.data import Recording
+from torch_activegp.diagnosis import diagnose
+from torch_activegp.diagnosis.inputs.machine import make_machine
+from torch_activegp.diagnosis.inputs.runs import Channels, make_run
+from torch_activegp.diagnosis.inputs.segments import cut
+from torch_activegp.diagnosis.noise import floor
+from torch_activegp.diagnosis.noise.shelf import Shelf
+from torch_activegp.diagnosis.preparation import filtered_rows
+from torch_activegp.diagnosis.preparation.filtered_rows import thinned
+from torch_activegp.diagnosis.simulation.candidate import NOMINAL
+from torch_activegp.diagnosis.simulation.engine import Engine
+
+NOISE, ROWS, RATE = 2e-3, 1251, 250
+
+
+def recordings(model, corner: float) -> list[Recording]:
+    """Runs of the model itself at 250 Hz whose positions a filter passed forth and back."""
+    found = []
+    for seed in range(4):
+        rng, time = np.random.default_rng(seed), np.arange(ROWS) / RATE
+        control = 2.0 * np.sin(2 * np.pi * rng.uniform(0.3, 1.5, 3) * time[:, None]).sum(axis=1)
+        whole = Recording.from_columns(f"run{seed}", {"time": time, "qpos.hip": 0.1 * time, "ctrl.drive": control})
+        run = make_run(whole, model, channels := Channels.of(model, [whole]))
+        path = Engine(model, channels, 4).predict(cut([run], 1e9, 0.0), np.zeros((1, 1, 2)), [NOMINAL])[0, 0, :, 0]
+        seen = signal.filtfilt(*signal.butter(2, corner, fs=RATE), path + NOISE * rng.normal(size=ROWS))
+        found.append(Recording.from_columns(f"run{seed}", {"time": time, "qpos.hip": seen, "ctrl.drive": control}))
+    return found
+
+
+def test_only_rows_count_in_which_noise_is_new(model) -> None:
+    whole = make_machine(model, recordings(model, 30.0), [])
+    found = thinned(whole)
+    assert "filtered at about" in found.notes[-1]
+    assert "only every 4th row counts" in found.notes[-1]
+    for one, other in zip(whole.fit, found.fit, strict=True):
+        assert np.flatnonzero(other.counted).tolist() == np.flatnonzero(one.counted)[::4].tolist()
+        assert other.recorded.all()
+    assert [run.left_out is None for run in found.holdout] == [True] * len(whole.holdout)
+
+
+def test_rows_that_were_left_out_before_stay_so(model) -> None:
+    whole = make_machine(model, recordings(model, 30.0), [])
+    lost = np.arange(ROWS) % 7 == 0
+    glitchy = dataclasses.replace(whole, fit=tuple(dataclasses.replace(run, left_out=lost) for run in whole.fit))
+    for run in thinned(glitchy).fit:
+        assert not (run.counted & lost).any()
+        assert run.counted.sum() == pytest.approx((~lost).sum() / 4, abs=1.0)
+
+
+def test_what_no_steep_filter_passed_stays_as_it_is(clean, monkeypatch) -> None:
+    assert thinned(clean.machine) is clean.machine
+    monkeypatch.setattr(filtered_rows, "steep_filter", lambda runs, channel: Shelf(0.4, 1e-3))
+    assert thinned(clean.machine) is clean.machine  # each row says something new
+
+
+@pytest.mark.parametrize("counts", [True, False])
+def test_filtered_positions_of_the_model_itself_are_no_mismatch(model, monkeypatch, counts: bool) -> None:
+    """Unless every row counts, for noise that follows from the rows around is not seen by differences."""
+    if not counts:
+        for module in (filtered_rows, floor):
+            monkeypatch.setattr(module, "steep_filter", lambda runs, channel: None)
+    found = diagnose(model, recordings(model, 30.0), nthread=1)
+    assert (found.verdict == "none") == counts

@@ -1,0 +1,46 @@
+"""Rows of positions that were filtered after they were recorded: only some of them say anything new."""
+
+from __future__ import annotations
+
+import dataclasses
+
+import numpy as np
+
+from torch_activegp.diagnosis.inputs.machine import Machine
+from torch_activegp.diagnosis.inputs.runs import Run
+from torch_activegp.diagnosis.noise.floor import steep_filter
+
+
+def thinned(machine: Machine) -> Machine:
+    """A machine of whose rows only as many count as a filter has left new values, with a note on that.
+
+    The noise behind a steep filter is white in rows that are half a period of its corner apart, and follows from these
+    in between. No noise of one or two poles is like it. Held-out runs stay as they are.
+
+    Args:
+        machine: model and runs.
+    """
+    found = [steep_filter(machine.fit, c) for c in range(len(machine.channels.joints))]
+    shelves = {f"qpos.{joint}": s for joint, s in zip(machine.channels.joints, found, strict=True) if s is not None}
+    rows = max((one.rows for one in shelves.values()), default=1)
+    if rows < 2:
+        return machine
+    period = float(np.median(machine.fit[0].dt))
+    corner = min(one.corner for one in shelves.values()) / period
+    note = (
+        f"{', '.join(shelves)}: filtered at about {corner:.2g} Hz, as the spectrum shows. What is faster is not seen "
+        f"there, and only every {_ordinal(rows)} row counts, for noise is new in these. Unfiltered, they tell more."
+    )
+    fit = tuple(_every(run, rows) for run in machine.fit)
+    return dataclasses.replace(machine, fit=fit, notes=(*machine.notes, note))
+
+
+def _every(run: Run, rows: int) -> Run:
+    """The run with one of so many recorded rows that count."""
+    number = np.cumsum(run.counted) - 1
+    kept = run.counted & (number % rows == 0)
+    return dataclasses.replace(run, left_out=run.recorded & ~kept)
+
+
+def _ordinal(number: int) -> str:
+    return {2: "second", 3: "third"}.get(number, f"{number}th")
