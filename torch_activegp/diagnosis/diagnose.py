@@ -18,7 +18,7 @@ from torch_activegp.diagnosis.findings.locate import entries, locate, somewhere
 from torch_activegp.diagnosis.findings.notes import search_notes
 from torch_activegp.diagnosis.findings.proposal import propose
 from torch_activegp.diagnosis.findings.remainder import Outcome, model_remainder
-from torch_activegp.diagnosis.findings.unseen import refutation, taken_back
+from torch_activegp.diagnosis.findings.unseen import refutation, reservation, taken_back
 from torch_activegp.diagnosis.findings.verdict import Verdict, decide
 from torch_activegp.diagnosis.findings.words import sentence
 from torch_activegp.diagnosis.inputs.blackbox import accelerations
@@ -146,7 +146,8 @@ def _report(
     holdout, traces = compare(models, machine.holdout, machine.channels.joints, shooting.noise)
     if chosen.effects:
         starts = [trace["start_after"] for trace in traces[:: len(machine.channels.joints)]]
-        why = refutation(holdout, engine, chosen.candidate, machine.holdout, starts)
+        doubt = reservation(machine.doubts, chosen.chi2 / shooting.dof)
+        why = doubt or refutation(holdout, engine, chosen.candidate, machine.holdout, starts)
         if why is not None:
             verdict = taken_back(verdict, why)
             return _report(source, machine, explanation, verdict, seed, say)

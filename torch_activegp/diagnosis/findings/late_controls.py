@@ -17,9 +17,9 @@ _TOLD = 2
 
 
 def doubt_rows(explanation: Explanation) -> list[str]:
-    """Says that the controls seem to be a row late, where a row earlier they leave half of what the best set leaves.
+    """Says that the controls seem to be a row late, where a row earlier they leave half of what is left otherwise.
 
-    Many loggers write the command that led to a position in its row, and a control holds from its row on.
+    Or with no name as little as the best names leave. Many loggers write the command that led to a position in its row, and a control holds from its row on.
 
     Args:
         explanation: what was found, and how.
@@ -33,10 +33,12 @@ def doubt_rows(explanation: Explanation) -> list[str]:
         return []
     segments = dataclasses.replace(shooting.segments, runs=tuple(_earlier(run) for run in shooting.segments.runs))
     moved = dataclasses.replace(shooting, engine=explanation.engine, segments=segments, offset=None)
-    known = {fit.keys: fit for fit in (selection.nominal, selection.best)}
-    fits = [moved.fit([(fit.effects, fit.values)], fit.starts)[0] for fit in known.values()]
-    before, after = (min(fit.chi2 for fit in some) / shooting.dof for some in (known.values(), fits))
-    if not after < _BETTER * before:
+    best = selection.best
+    nameless = moved.fit([((), ())], selection.nominal.starts)[0]
+    named = moved.fit([(best.effects, best.values)], best.starts)[0] if best.effects else nameless
+    before, after = best.chi2 / shooting.dof, min(nameless.chi2, named.chi2) / shooting.dof
+    as_well = bool(best.effects) and nameless.chi2 < best.chi2
+    if not (after < _BETTER * before or as_well):
         return []
     maps = [f'ctrl.{name} = {{ column = "ctrl.{name}", rows_late = 1 }}' for name in names[:_TOLD]]
     return [

@@ -23,6 +23,8 @@ WORSE, SEEN = 1.03, 1.2
 """Times the error without names, and the noise, beyond which forecasts of either kind got worse: those of 146 right
 sets never did. A friction that grows with the load was a damping, a gain and a dead zone, with 1.19 of the error and
 2.7 of the noise in free runs; a pocket of negative damping was a cogging, with 1.07 and 1.4 after one step."""
+MUCH_LEFT = 10.0
+"""Times the noise, in chi2 per degree of freedom, that names may leave where a column is doubted."""
 _NUDGE, _GROWS, _BEGINS = 1e-5, 100.0, 4
 """Where so small a change of the state grows so much, from one of so many begins, no simulator forecasts the run, and
 it tells nothing."""
@@ -57,11 +59,27 @@ def refutation(
             float(np.sqrt(np.mean([entry[kind][name] ** 2 for entry in entries])))
             for name in ("before", "after", "noise")
         )
+        far = f"not the held-out ones: {what} with them are off by {after:.3g} of the motion"
         if kind == "free_run" and after > LOST * noise and after > NO_BETTER * before:
-            return f"{what} with them are off by {after:.3g} of the motion, {after / noise:.0f} times the noise"
+            return f"{far}, {after / noise:.0f} times the noise"
         if after > WORSE * before and after > SEEN * noise:
-            return f"{what} with them are off by {after:.3g} of the motion, and by {before:.3g} without"
+            return f"{far}, and by {before:.3g} without"
     return None
+
+
+def reservation(doubts: Sequence[str], left: float) -> str | None:
+    """What a doubted column says against names that leave much, in words; None where nothing.
+
+    Controls in another unit, a hundred times too large, were a payload of four times the arm and a sensor gain at its
+    limit: "explaining 100 %" of a mismatch so large that what was left was 640000 times the noise.
+
+    Args:
+        doubts: of the recordings, in sentences.
+        left: chi2 per degree of freedom behind the names.
+    """
+    if not doubts or left < MUCH_LEFT:
+        return None
+    return f"leave {left:.3g} times the noise (chi2 per dof), and the recordings are in doubt"
 
 
 def is_predictable(engine: Engine, candidate: Candidate, runs: Sequence[Run], starts: Array) -> NDArray[np.bool_]:
@@ -92,10 +110,10 @@ def taken_back(verdict: Verdict, why: str) -> Verdict:
 
     Args:
         verdict: with names.
-        why: what :func:`refutation` says.
+        why: what :func:`refutation` or :func:`reservation` says.
     """
     names = " and ".join(f"{effect.name} at {effect.target}" for effect in verdict.judgement.named)
-    note = f"{names} would fit these recordings, but not the held-out ones: {why}. Nothing is named."
+    note = f"{names} would fit these recordings, but {why}. Nothing is named."
     judgement = dataclasses.replace(
         verdict.judgement,
         verdict="unknown",

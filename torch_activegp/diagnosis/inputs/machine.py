@@ -128,6 +128,7 @@ def lay_over(
     every = [recording for recordings in lists for recording in recordings]
     if channels.prescribed is not None:
         notes.append(_prescribed(channels.prescribed))
+    notes += _unseen(model, channels)
     notes += recording_notes(model, every)
     clock = min(float(recording.time.diff().median()) for recording in every if len(recording) > 1)
     runs = [[make_run(recording, model, channels, clock) for recording in recordings] for recordings in lists]
@@ -185,6 +186,16 @@ def undriven(model: mujoco.MjModel, recordings: Sequence[Recording]) -> list[str
         f"{whose}: no control is recorded ({missing}); taken as 0. If the machine was driven, nothing can explain its "
         "motion so: record them."
     ]
+
+
+def _unseen(model: mujoco.MjModel, channels: Channels) -> list[str]:
+    """A note on the hinges and slides whose positions no recording holds."""
+    known = {*channels.joints, *(channels.prescribed.joints if channels.prescribed is not None else ())}
+    kinds = (int(mujoco.mjtJoint.mjJNT_HINGE), int(mujoco.mjtJoint.mjJNT_SLIDE))
+    joints = [model.joint(i).name or f"joint{i}" for i in range(model.njnt) if model.jnt_type[i] in kinds]
+    missing = ", ".join(f"qpos.{joint}" for joint in joints if joint not in known)
+    what = "how these joints move is not seen, and no effect is sought there"
+    return [f"Not in all recordings: {missing}; {what}. Record them if you can."] if missing else []
 
 
 def _prescribed(joints: Channels) -> str:

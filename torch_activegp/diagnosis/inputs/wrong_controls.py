@@ -41,16 +41,18 @@ def doubt_controls(model: mujoco.MjModel, channels: Channels, runs: Sequence[Run
     balanced = balance(model, channels, runs)
     if balanced is None:
         return []
-    ratio = balanced.missing / balanced.there
-    worst = int(np.argmax(ratio))
-    if ratio[worst] < _LACKS:
-        return []
-    inputs = input_addresses(model)
-    pushes = _pushes(model, channels, balanced.motion, list(inputs.values()), worst)
-    acting = [i for i, push in enumerate(pushes.T) if push.std() > 0.0]
-    found = _factors(balanced.motion, pushes[:, acting], balanced.lacking[:, worst], worst)
-    names = [list(inputs)[i] for i in acting]
-    return [text for name, factor in zip(names, found, strict=True) if (text := _doubt(name, factor))]
+    ratio, inputs = balanced.missing / balanced.there, input_addresses(model)
+    doubts: dict[str, str] = {}
+    for joint in np.argsort(-ratio):
+        if ratio[joint] < _LACKS:
+            break
+        pushes = _pushes(model, channels, balanced.motion, list(inputs.values()), joint)
+        acting = [i for i, push in enumerate(pushes.T) if push.std() > 0.0]
+        found = _factors(balanced.motion, pushes[:, acting], balanced.lacking[:, joint], joint)
+        names = [list(inputs)[i] for i in acting]
+        for name, factor in zip(names, found, strict=True):
+            doubts.setdefault(name, _doubt(name, factor))
+    return [text for text in doubts.values() if text]
 
 
 def _doubt(name: str, factor: float) -> str:

@@ -1,0 +1,57 @@
+from __future__ import annotations
+
+import dataclasses
+
+import numpy as np
+import pytest
+
+from torch_activegp.diagnosis import diagnose
+from torch_activegp.diagnosis.findings.late_controls import doubt_rows
+from torch_activegp.diagnosis.noise.model import NoiseModel
+from torch_activegp.diagnosis.selection.compared import Selection
+from torch_activegp.diagnosis.selection.explain import Explanation
+from torch_activegp.diagnosis.shooting.likelihood import Shooting
+from torch_activegp.diagnosis.shooting.score import Score
+from torch_activegp.diagnosis.simulation.candidate import NOMINAL
+
+
+def explained(clean, rows: int, driven: bool = True) -> Explanation:
+    """What the model itself would have recorded with little noise, its controls so many rows late; nothing is named."""
+    seen = clean.engine.predict(clean.segments, clean.nominal.starts[None], [NOMINAL])[0]
+    noise = 0.02 * clean.noise
+    position = seen + noise * np.random.default_rng(0).normal(size=seen.shape)
+
+    def late(control: np.ndarray) -> np.ndarray:
+        index = np.clip(np.arange(len(control)) - rows, 0, len(control) - 1)
+        return control[index] if driven else 0.0 * control
+
+    runs = tuple(dataclasses.replace(run, control=late(run.control)) for run in clean.segments.runs)
+    segments = dataclasses.replace(clean.segments, runs=runs, position=position)
+    shooting = Shooting(clean.engine, segments, NoiseModel.white(np.array([noise])))
+    nominal = shooting.fit([((), ())], clean.nominal.starts)[0]
+    selection = Selection(nominal, [nominal], Score(shooting.samples, 60, 1.0))
+    return Explanation(clean.engine, shooting, selection, (), fine=False)
+
+
+@pytest.mark.parametrize(("rows", "driven", "said"), [(1, True, True), (0, True, False), (-1, True, False)])
+def test_controls_that_are_a_row_late_are_said_to_be(clean, rows: int, driven: bool, said: bool) -> None:
+    found = doubt_rows(explained(clean, rows, driven))
+    assert bool(found) == said
+    if said:
+        assert 'ctrl.drive = { column = "ctrl.drive", rows_late = 1 }' in found[0]
+        assert "a row late" in found[0]
+
+
+def test_nothing_is_said_where_nothing_is_driven(clean) -> None:
+    assert doubt_rows(explained(clean, 1, driven=False)) == []
+
+
+def test_a_log_of_commands_that_led_to_their_rows_is_told_first(record, model) -> None:
+    """Whole diagnoses: the mismatch is unknown, and the sentence says what to look at."""
+    runs = []
+    for seed in range(4):
+        control = record("none", seed)["ctrl.drive"].numpy()
+        runs.append(record("none", seed, ctrl__drive=np.concatenate([control[:1], control[:-1]])))
+    found = diagnose(model, runs, nthread=1)
+    assert found.verdict == "unknown"
+    assert "Check the recordings first: The controls seem to be logged a row late" in found.sentence
