@@ -17,6 +17,13 @@ def test_each_law_is_drawn_over_its_force(fakes: Any) -> None:
     assert first.marks[-1].label == "law: -F sign(v), with sticking"
 
 
+def test_effects_without_a_curve_are_said_not_to_be_drawn(fakes: Any) -> None:
+    diagnosis, evidence = fakes["named"]()
+    assert law(diagnosis, evidence).content["others"] == ""
+    evidence["laws"] = evidence["laws"][:1]
+    assert law(diagnosis, evidence).content["others"] == "Actuator delay at actuator shoulder_motor"
+
+
 def test_an_outlier_among_many_points_does_not_flatten_the_law(fakes: Any) -> None:
     diagnosis, evidence = fakes["named"]()
     evidence["laws"][1]["force"][7] = 1e4

@@ -201,7 +201,7 @@ def test_what_a_reader_asks_stands_where_he_looks(fakes: Any) -> None:
     }
     words = Page(render_report(diagnosis | {"effects": [payload, fakes["tie"]()[0]["effects"][0]]}, evidence)).words
     texts = [text.replace("\u00a0", " ") for _, text in words]
-    assert "nothing to score: a gap, or the run is over" in texts
+    assert "not used in the fit, a gap, or the run is over" in texts
     assert "the simulator has too much of it" in texts
     assert any(text.startswith("50 mm from the body's nominal centre of mass, towards") for text in texts)
     assert "From zero or one" in texts

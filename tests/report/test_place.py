@@ -13,10 +13,18 @@ def test_the_rows_say_where(fakes: Any) -> None:
     assert section.heading.replace("\u00a0", " ") == "Joint elbow carries 91 % of the mismatch"
     rows = section.content["rows"]
     assert [row["region"] for row in rows] == [
-        "qvel.elbow \u22124 to 4 rad/s", "everywhere", "qvel.shoulder \u22120.11 to 0.09 rad/s",
+        "everywhere", "everywhere", "qvel.shoulder \u22120.11 to 0.09 rad/s",
     ]  # fmt: skip
     assert [row["weak"] for row in rows] == [False, False, True]
     assert rows[0]["q"] == "q < 10\u207b\u00b9\u00b2"
+
+
+def test_a_range_that_holds_nearly_all_that_was_recorded_is_none(fakes: Any) -> None:
+    diagnosis, evidence = fakes["named"]()
+    first = diagnosis["location"][0]
+    for ends, text in (([-3.95, 4.0], "everywhere"), ([-3.0, 4.0], "qvel.elbow \u22123 to 4 rad/s")):
+        first["region"] = {"qvel.elbow": ends}
+        assert place(diagnosis, evidence).content["rows"][0]["region"] == text
 
 
 @pytest.mark.parametrize("share", [0.05, 0.6])

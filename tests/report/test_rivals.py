@@ -33,6 +33,15 @@ def test_rows(fakes: Any) -> None:
     assert rows[-1]["probability"] == "under\u00a00.1\u00a0%"
 
 
+def test_what_fits_as_well_is_not_ruled_out_by_the_recordings(fakes: Any) -> None:
+    diagnosis, evidence = fakes["named"]()
+    best, second, third, *_ = diagnosis["rivals"]
+    second["chi2_per_dof"], third["chi2_per_dof"] = best["chi2_per_dof"], 1.5 * best["chi2_per_dof"]
+    section = rivals(diagnosis, evidence)
+    assert [row["word"] for row in section.content["rows"]][:3] == ["", "fits as well, costs more", "ruled out"]
+    assert section.heading.endswith("the next rival is 14 points worse")
+
+
 def test_all_that_tie_are_marked(fakes: Any) -> None:
     assert [row["tag"] for row in rivals(*fakes["tie"]()).content["rows"]] == ["tied", "tied", "", ""]
 

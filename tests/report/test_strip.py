@@ -57,6 +57,13 @@ def test_a_segment_without_a_value_is_left_blank_and_the_others_stay() -> None:
     assert [(cell.start, cell.width) for cell in found] == [(0, 250), (500, 250), (750, 250)]
 
 
+def test_segments_of_known_lengths_leave_what_was_not_used() -> None:
+    found = cells(AXIS, [0.5, 2.0], [1.0, 2.0], [0.4, 1.0])
+    assert [(cell.start, cell.width) for cell in found] == [(75, 100), (375, 250)]
+    (alone,) = cells(AXIS, [2.0], [1.0], [1.0])
+    assert (alone.start, alone.width) == (375, 250)
+
+
 def test_spans_meet_midway() -> None:
     left, right = spans(np.array([0.5, 1.5, 3.0]))
     assert left.tolist() == [0.0, 1.0, 2.25]

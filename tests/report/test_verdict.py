@@ -30,6 +30,13 @@ def test_key_figures(fakes: Any) -> None:
     assert top["subject"] == "Simulator arm.xml \u00b7 6 runs fitted (28.8 s) \u00b7 2 runs held out (9.6 s)"
 
 
+@pytest.mark.parametrize(("chance", "said"), [(0.3, "Noise alone leaves"), (1e-6, "A little more is left than noise")])
+def test_a_control_in_which_a_little_is_left_does_not_call_it_noise(fakes: Any, chance: float, said: str) -> None:
+    diagnosis, _ = fakes["none"]()
+    diagnosis["mismatch"]["p_value"] = chance
+    assert banner(diagnosis)["sure"].startswith(said)
+
+
 def test_without_a_correction_there_is_one_error(fakes: Any) -> None:
     values = [figure["value"] for figure in banner(fakes["none"]()[0])["figures"]]
     assert values == ["1.003", "0.2\u00a0%"]

@@ -181,7 +181,7 @@ def _show(found: Values) -> None:
     held_out = (found.get("fit") or {}).get("holdout") or {}
     if any(held_out.get(key) for key in FORECASTS):
         _say("Errors on held-out recordings, in standard deviations of what was measured:")
-        results.print(_errors(held_out))
+        results.print(_errors(held_out, bool(found.get("effects"))))
     following = found.get("next_experiment")
     if following:
         controls = f" Controls: {following['controls']}." if following.get("controls") else ""
@@ -231,11 +231,11 @@ def _parameter(name: str, found: Values) -> str:
     return " ".join(word for word in words if word)
 
 
-def _errors(held_out: Values) -> Table:
+def _errors(held_out: Values, corrected: bool) -> Table:
     learned = any(is_number((held_out.get(key) or {}).get("gp")) for key in FORECASTS)
     columns = {
-        "before": "before",
-        "after": "after",
+        "before": "before" if corrected else "simulator",
+        **({"after": "after"} if corrected else {}),
         **({"gp": "with learned.pt"} if learned else {}),
         "noise": "noise",
     }

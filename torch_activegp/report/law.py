@@ -8,7 +8,7 @@ from torch_activegp.report.axis import axis_over
 from torch_activegp.report.chart import Chart, dots, level, line, whiskers
 from torch_activegp.report.numbers import is_number, percent
 from torch_activegp.report.section import Section, Values, with_unit
-from torch_activegp.report.words import capital, counted, effect_text
+from torch_activegp.report.words import capital, counted, effect_text, listed
 
 _MOST_WHISKERS = 150
 _TWO_SIDED_95 = 1.96
@@ -22,7 +22,9 @@ def law(diagnosis: Values, evidence: Values) -> Section | None:
     effects = {(effect["name"], effect.get("target")): effect for effect in diagnosis.get("effects") or []}
     charts = [_chart(found, effects.get((found["name"], found.get("target")))) for found in laws]
     heading = f"The law{'s' if len(laws) > 1 else ''} over the force that the simulator misses"
-    return Section("law", "Law" if len(laws) == 1 else "Laws", heading, {"charts": charts})
+    drawn = {(found["name"], found.get("target")) for found in laws}
+    others = [capital(effect_text(effect)) for key, effect in effects.items() if key not in drawn]
+    return Section("law", "Law" if len(laws) == 1 else "Laws", heading, {"charts": charts, "others": listed(others)})
 
 
 def _chart(found: Values, effect: Values | None) -> Chart:

@@ -60,7 +60,7 @@ def _row(effect: str, name: str, found: Values) -> dict[str, Any]:
         "nothing": _NOTHING[origin],
         "value": text,
         "interval": ends,
-        "unit": found.get("unit") or "",
+        "unit": "" if found.get("unit") in (None, "1") else found["unit"],
         "picture": picture,
         "loose": picture is not None and holds_nothing(effect, name, interval),
     }

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -18,14 +18,17 @@ _MOST_RUNS = 24
 _MOST_CHARTS = 24
 _SIGNIFICANT = 0.05
 _WHOLE = 1.005
+_ALL_BUT = 0.02
+"""Part of a range that may lie to either side of what is called everywhere."""
 
 
 def place(diagnosis: Values, evidence: Values) -> Section | None:
     """Where and when the simulator is wrong; None without any map."""
     known = units(evidence)
     looks = ("before",) if diagnosis["verdict"] == "none" else ("before", "after")
-    rows = [_row(found, known) for found in diagnosis.get("location") or []]
     maps = [found for found in evidence.get("map_region") or [] if len(found.get("before") or [])]
+    seen = {found["over"]: (found["edges"][0], found["edges"][-1]) for found in maps}
+    rows = [_row(found, known, seen) for found in diagnosis.get("location") or []]
     maps.sort(key=_peak, reverse=True)
     times = _times(evidence, looks)
     if not (rows or maps or times):
@@ -53,8 +56,9 @@ def _heading(diagnosis: Values) -> str:
     return f"{capital(place_name(first['target']))} carries {percent(share)} of the mismatch"
 
 
-def _row(found: Values, known: Values) -> dict[str, Any]:
-    region = found.get("region") or {}
+def _row(found: Values, known: Values, seen: Mapping[str, tuple[float, float]]) -> dict[str, Any]:
+    """One part of the machine; ranges that hold all that was recorded are no ranges."""
+    region = {name: ends for name, ends in (found.get("region") or {}).items() if not _holds(ends, seen.get(name))}
     significant = found.get("q_value")
     return {
         "target": place_name(found["target"]),
@@ -64,6 +68,14 @@ def _row(found: Values, known: Values) -> dict[str, Any]:
         "q": p_value(significant).replace("p", "q", 1) if is_number(significant) else "",
         "weak": is_number(significant) and significant > _SIGNIFICANT,
     }
+
+
+def _holds(ends: Any, seen: tuple[float, float] | None) -> bool:
+    """Whether a range holds, but for its edges, all that was seen."""
+    if seen is None or not all(is_number(end) for end in (*ends, *seen)):
+        return False
+    slack = _ALL_BUT * (seen[1] - seen[0])
+    return bool(ends[0] <= seen[0] + slack and ends[1] >= seen[1] - slack)
 
 
 def _range(name: str, ends: Any, known: Values) -> str:
@@ -77,10 +89,10 @@ def _times(evidence: Values, looks: Sequence[str]) -> dict[str, Any] | None:
         return None
     chosen = sorted(runs, key=_peak, reverse=True)[:_MOST_RUNS]
     shown = [run for run in runs if any(run is other for other in chosen)]
-    ends = [_ends(run["time"]) for run in shown]
+    ends = [_ends(run) for run in shown]
     axis = Axis("time [s]", min(low for low, _ in ends), max(high for _, high in ends), wanted=8)
     strips = [
-        {"run": run["run"], "look": look, "cells": cells(axis, run["time"], run[look])}
+        {"run": run["run"], "look": look, "cells": cells(axis, run["time"], run[look], run.get("seconds"))}
         for run in shown
         for look in looks
         if len(run.get(look) or [])
@@ -89,8 +101,9 @@ def _times(evidence: Values, looks: Sequence[str]) -> dict[str, Any] | None:
     return {"axis": axis, "strips": strips, "both": len(looks) > 1, "left_out": left_out}
 
 
-def _ends(time: list[float]) -> tuple[float, float]:
-    left, right = spans(np.asarray(time, dtype=float))
+def _ends(run: Values) -> tuple[float, float]:
+    lengths = run.get("seconds")
+    left, right = spans(np.asarray(run["time"], dtype=float), None if lengths is None else np.asarray(lengths))
     return float(left[0]), float(right[-1])
 
 

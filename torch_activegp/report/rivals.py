@@ -14,6 +14,7 @@ _CLOSE, _ROUNDING = 2.0, 1e-6
 _LONG = 2
 """A set of more effects than these that contains the best one is told by what it adds."""
 _TIE, _SAME = 6.0, "the same law"
+_DEARER = "fits as well, costs more"
 """Ties whose names cost more than the recordings could tell apart."""
 _TAGS = {"none": "the verdict", "named": "the verdict", "tie": "tied", "unknown": "not enough"}
 
@@ -29,6 +30,8 @@ def rivals(diagnosis: Values, evidence: Values) -> Section | None:
         stands_in = _stands_in(rival, found[0], diagnosis)
         if row["named"] or stands_in or (diagnosis["verdict"] == "tie" and row["close"]):
             row["tag"] = _TAGS[diagnosis["verdict"]]
+        elif _fits_as_well(rival, found[0]) and (_gap(rival, found[0]) or 0.0) > _TIE:
+            row["word"] = _DEARER
         if stands_in and (_gap(rival, found[0]) or 0.0) > _TIE:
             row["word"] = _SAME
     content = {"rows": rows[:_FIRST], "more": rows[_FIRST:]}
@@ -41,12 +44,19 @@ def _heading(diagnosis: Values, found: list[Values], named: frozenset[Any]) -> s
     if diagnosis["verdict"] == "unknown":
         return "The best known explanation is not good enough"
     others = [rival for rival in found if _key(rival["effects"]) != named]
+    others = [rival for rival in others if not _fits_as_well(rival, found[0])] or others
     gap = _gap(others[0], found[0]) if others and _key(found[0]["effects"]) == named else None
     if gap is None:
         return "The explanations compared"
     if diagnosis["verdict"] == "none":
         return f"No effect improves on the simulator: the best is {number(gap, 2)} points worse"
     return f"{capital(effects_text(found[0]['effects']))}: the next rival is {number(gap, 2)} points worse"
+
+
+def _fits_as_well(rival: Values, best: Values) -> bool:
+    """Whether another explanation leaves no more: what it is behind is the price of its names."""
+    here, there = rival.get("chi2_per_dof"), best.get("chi2_per_dof")
+    return rival is not best and is_number(here) and is_number(there) and here <= there
 
 
 def _row(rival: Values, best: Values, named: frozenset[Any]) -> dict[str, Any]:

@@ -27,19 +27,25 @@ class Cell:
     text: str
 
 
-def cells(axis: Axis, centres: Sequence[Any], values: Sequence[Any]) -> list[Cell]:
+def cells(
+    axis: Axis, centres: Sequence[Any], values: Sequence[Any], lengths: Sequence[Any] | None = None
+) -> list[Cell]:
     """Cells around the centres of segments; many short ones are joined and take the largest value.
 
     Args:
         axis: over time [s].
         centres: time of each segment's centre, s.
         values: chi2 per degree of freedom.
+        lengths: of each segment, s; without them they lie side by side.
     """
     where, what = np.asarray(centres, dtype=float), np.asarray(values, dtype=float)
-    where, what = where[np.isfinite(where)], what[np.isfinite(where)]
-    if not where.size:
+    known = np.isfinite(where)
+    if not known.any():
         return []
-    left, right = spans(where) if where.size > 1 else (np.array([axis.low]), np.array([axis.high]))
+    long = None if lengths is None else np.asarray(lengths, dtype=float)[known]
+    where, what = where[known], what[known]
+    alone = long is None and where.size == 1
+    left, right = (np.array([axis.low]), np.array([axis.high])) if alone else spans(where, long)
     pieces = np.array_split(np.arange(where.size), min(where.size, _MOST_CELLS))
     found = []
     for piece in pieces:
@@ -53,12 +59,15 @@ def cells(axis: Axis, centres: Sequence[Any], values: Sequence[Any]) -> list[Cel
     return found
 
 
-def spans(centres: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Begin and end of each segment, s: segments of any lengths lie side by side, and meet midway between centres.
+def spans(centres: np.ndarray, lengths: np.ndarray | None = None) -> tuple[np.ndarray, np.ndarray]:
+    """Begin and end of each segment, s; of unknown lengths they lie side by side, and meet midway between centres.
 
     Args:
         centres: time of each segment's centre, ``(S,)``, s.
+        lengths: of each, ``(S,)``, s.
     """
+    if lengths is not None:
+        return centres - lengths / 2, centres + lengths / 2
     if centres.size < 2:
         return centres - 0.5, centres + 0.5
     middle = (centres[1:] + centres[:-1]) / 2

@@ -37,7 +37,7 @@ def traces(diagnosis: Values, evidence: Values) -> Section | None:
         "more": pairs[_FIRST:],
         "left_out": len(found) - len(pairs),
         "rows": rows or total,
-        "corrected": diagnosis["verdict"] != "none",
+        "corrected": bool(diagnosis.get("effects")),
         "gp": any(row["gp"] for row in rows or total),
     }
     return Section("traces", "Held-out runs", _heading(diagnosis, holdout), content)

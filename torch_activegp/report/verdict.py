@@ -9,6 +9,8 @@ from torch_activegp.report.numbers import is_number, misfit, number, p_value, pe
 from torch_activegp.report.section import Values
 from torch_activegp.report.words import belief, counted, explained
 
+_RARE = 0.01
+"""Part of all repeats below which what is left is not called what noise leaves."""
 BADGES = {
     "none": ("No mismatch found", "\u2713"),
     "named": ("Mismatch named", "\u25cf"),
@@ -43,6 +45,11 @@ def banner(diagnosis: Values) -> dict[str, Any]:
 def _sure(diagnosis: Values) -> str:
     mismatch, effects = diagnosis.get("mismatch") or {}, diagnosis.get("effects") or []
     chance = mismatch.get("p_value")
+    if diagnosis["verdict"] == "none" and is_number(chance) and chance < _RARE:
+        return (
+            f"A little more is left than noise would leave ({p_value(chance)}), as of another integrator or a noise "
+            "that is not quite white; no effect on the list explains it, and it is too small to matter."
+        )
     if diagnosis["verdict"] == "none":
         return (
             f"Noise alone leaves at least this much in {percent(chance)} of all repeats." if is_number(chance) else ""

@@ -24,6 +24,8 @@ def test_the_map_over_time_holds_chi2_per_sample_of_every_segment(bench, damped)
     assert np.mean(entries[1]["after"]) == pytest.approx(1.0, abs=0.3)
     assert np.mean(entries[1]["before"]) > 3.0
     assert entries[0]["time"] == sorted(entries[0]["time"])
+    long = np.diff(bench.segments.scored, axis=1)[own, 0] * 0.01
+    np.testing.assert_allclose(entries[1]["seconds"], long, rtol=0.01)
 
 
 def test_the_map_over_regions_shows_the_force_gone(bench, damped) -> None:

@@ -27,9 +27,17 @@ def proposed(bench, *fits, **changed):
 def test_where_all_rivals_are_ruled_out_the_least_certain_parameter_is_measured(bench, wet) -> None:
     entry, text = proposed(bench, wet)
     assert entry["separates"][0].startswith("coefficient of viscous_friction at joint:hip 0.0")
-    assert entry["why"].startswith("no rival is left")
+    assert entry["why"].startswith("nothing need be recorded: no rival is left")
     assert "standard error" in entry["why"]
     assert text.startswith("time,ctrl.drive")
+
+
+@pytest.mark.parametrize(("error", "first"), [(0.01, "nothing need be recorded: no rival"), (0.03, "no rival is left")])
+def test_what_is_known_well_need_not_be_recorded_again(wet, error: float, first: str) -> None:
+    (coefficient,) = wet.values[0]
+    found = least_certain(wet, np.array([[(error * coefficient) ** 2]]))
+    assert found is not None
+    assert found[1].sentence(1.0).startswith(first)
 
 
 @pytest.mark.parametrize("listed", [True, False])

@@ -19,9 +19,10 @@ _INSIDE = 21
 
 
 def map_time(shooting: Shooting, before: Fit, after: Fit) -> list[dict[str, Any]]:
-    """Chi2 per sample of every segment, before and after."""
+    """Chi2 per sample of every segment, around its centre and so long, s, before and after."""
     segments = shooting.segments
     centers = segments.centers()
+    seconds = np.diff(segments.scored, axis=1)[:, 0] * np.median(segments.dt, axis=1)
     samples = segments.samples
     out = []
     for number, run in enumerate(segments.runs):
@@ -30,6 +31,7 @@ def map_time(shooting: Shooting, before: Fit, after: Fit) -> list[dict[str, Any]
             {
                 "run": run.label,
                 "time": centers[own].round(4).tolist(),
+                "seconds": seconds[own].round(4).tolist(),
                 "before": (before.per_segment[own] / samples[own]).tolist(),
                 "after": (after.per_segment[own] / samples[own]).tolist(),
             }

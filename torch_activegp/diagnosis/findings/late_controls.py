@@ -19,7 +19,8 @@ _TOLD = 2
 def doubt_rows(explanation: Explanation) -> list[str]:
     """Says that the controls seem to be a row late, where a row earlier they leave half of what is left otherwise.
 
-    Or with no name as little as the best names leave. Many loggers write the command that led to a position in its row, and a control holds from its row on.
+    Or with no name as little as the best names leave. Many loggers write the command that led to a position in its row,
+    and a control holds from its row on.
 
     Args:
         explanation: what was found, and how.

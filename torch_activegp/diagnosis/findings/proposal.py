@@ -22,6 +22,8 @@ _MOST = 0.1
 """Least part that is promised of a standard error. Where motions part for ever, as those of two links that swing
 freely, the chi2 by which they differ promised 5e-4."""
 _SETTLED, _UNTOLD = "no rival is left", "no controls were found that would tell the rivals apart"
+_WELL_KNOWN = 0.02
+"""Standard error of the least certain parameter, in parts of it, from which on the user need not record more."""
 _ENDS = 2.0
 """Standard errors from a parameter's estimate to the ends that are to be told apart."""
 
@@ -86,7 +88,8 @@ def least_certain(fit: Fit, covariance: Array, before: str = _SETTLED) -> tuple[
     effect, parameter = [(e, p) for e in fit.effects for p in e.parameters][place]
     known = parameter.name in effect.describe(fit.by_effect[effect])  # the sine of a cogging is no name for its users
     what = f"{parameter.name if known else 'part'} of {effect.name} at {effect.target}"
-    unit = f" {parameter.unit}".rstrip()
+    unit = "" if parameter.unit == "1" else f" {parameter.unit}".rstrip()
+    before = f"nothing need be recorded: {before}" if before == _SETTLED and relative[place] < _WELL_KNOWN else before
 
     def sentence(gain: float) -> str:
         share = max(1.0 / np.sqrt(1.0 + gain / (2.0 * _ENDS) ** 2), _MOST)

@@ -46,7 +46,7 @@ class Race:
         best, worst = levels[0], max(levels[np.isfinite(levels)], default=np.inf)
         for problem in problems:
             behind = np.searchsorted(levels, problem.chi2) >= _RACERS and np.isfinite(problem.chi2)
-            far = problem.chi2 > best + max(60.0, min(0.1 * (worst - best), 4.0 * best))
+            far = np.isfinite(best) and problem.chi2 > best + max(60.0, min(0.1 * (worst - best), 4.0 * best))
             if behind and far and (problem.resting is not None or not (only_misled or problem.settles)):
                 problem.finished = True
         if not only_misled:
