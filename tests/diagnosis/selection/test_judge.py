@@ -226,6 +226,18 @@ def test_what_may_be_nothing_is_not_named_and_counts_among_those_that_leave_too_
     assert judged.verdict == verdict
 
 
+def test_a_limit_that_the_model_has_anyway_is_fitted_along(bench, monkeypatch) -> None:
+    effects = (bench.effect("viscous_friction"), bench.effect("constant_force"))
+    some = bench.shooting.fit([(effects, (np.array([0.05]), np.array([0.01])))], bench.nominal.starts, hold=True)[0]
+    monkeypatch.setattr("torch_activegp.diagnosis.selection.judge.LEAST_SHARE", -1.0)
+    monkeypatch.setattr("torch_activegp.diagnosis.selection.judge.is_certain", lambda *_, **__: True)
+    assert judge(bench.shooting, selection(bench, some)).named == effects
+    own = "torch_activegp.diagnosis.selection.judge.is_own_limit"
+    monkeypatch.setattr(own, lambda model, effect, values: effect is effects[1])
+    judged = judge(bench.shooting, selection(bench, some))
+    assert (judged.named, judged.retuned) == (effects[:1], effects[1:])
+
+
 @pytest.mark.parametrize(("visible", "verdict"), [(1e-3, "unknown"), (1e9, "none")])
 def test_the_only_name_is_none_where_it_may_be_nothing(bench, monkeypatch, visible, verdict) -> None:
     """A lift that sticks, as its model: an armature gained 260 in chi2 by initial states, and may be zero."""

@@ -61,3 +61,22 @@ def test_nothing_weak_is_looked_for_where_noise_alone_is_left(clean) -> None:
     stages: list[str] = []
     assert also_weak(shooting, chosen, [clean.effect(name) for name in NAMES], stages.append) is chosen
     assert not stages
+
+
+@pytest.mark.parametrize("noise_alone", [True, False])
+def test_a_law_with_more_parameters_is_named_where_only_noise_is_left_behind_it(
+    clean, monkeypatch, noise_alone
+) -> None:
+    """As Stribeck friction in place of Coulomb's: no further name, and all that was left is gone."""
+    shooting, chosen = recorded(clean, 0.0025)
+    law = clean.effect("stribeck_friction")
+    richer = dataclasses.replace(chosen.best, effects=(law,), values=(law.seeds[0],), chi2=0.5 * chosen.best.chi2)
+    seen = weak.Omnibus(1000.0, 1e-9)
+    after = weak.Omnibus(0.0, 0.5) if noise_alone else seen
+    monkeypatch.setattr(weak, "_MATERIAL", 1e-6)
+    monkeypatch.setattr(weak, "search", lambda selection, *rest: selection.add([richer]))
+    monkeypatch.setattr(weak, "_unstuck", lambda *rest: None)
+    monkeypatch.setattr(weak, "omnibus", lambda shooting, fit: after if law in fit.effects else seen)
+    found = also_weak(shooting, chosen, [law])
+    assert (found.best is richer) == noise_alone
+    assert (found is chosen) != noise_alone

@@ -13,6 +13,7 @@ from torch_activegp.diagnosis.preparation.noise_left import recoloured
 from torch_activegp.diagnosis.selection.compared import Selection, fitted
 from torch_activegp.diagnosis.selection.free_force import free_force_columns
 from torch_activegp.diagnosis.selection.intervals import is_certain
+from torch_activegp.diagnosis.selection.own_limits import is_own_limit
 from torch_activegp.diagnosis.selection.prospects import MAX_EFFECTS
 from torch_activegp.diagnosis.selection.ties import is_one_way, swapped, ties_of
 from torch_activegp.diagnosis.selection.tuning import is_a_tuning
@@ -109,8 +110,8 @@ class Judgement:
         shares: part of the mismatch that each explains.
         probabilities: of each.
         ties: of each, (name, target) pairs.
-        retuned: effects of the set that are not named: they undo a tuning of the nominal, explain next to nothing, or
-            may be nothing at all.
+        retuned: effects of the set that are not named: they undo a tuning of the nominal, explain next to nothing,
+            may be nothing at all, or are a limit that the model has.
         unexplained: part of the mismatch that is left.
         white: whether what is left is noise.
         p_value: that there is no mismatch: the smaller one of two tests, of a force free in time and of the best set
@@ -158,6 +159,8 @@ def judge(shooting: Shooting, selection: Selection) -> Judgement:
     if len(certain) < 2 and not is_certain(shooting, best, [order[i] for i in kept], alone=True):
         return _nameless(shooting, nominal, before, rivals)  # other initial states gained what it seemed to
     kept = certain or kept[:1]
+    model, values = shooting.engine.model, best.by_effect
+    kept = [i for i in kept if not is_own_limit(model, order[i], values)] or kept
     retuned = (*tuned, *(effect for i, effect in enumerate(order) if i not in kept))
     order, shares = tuple(order[i] for i in kept), tuple(shares[i] for i in kept)
     probabilities = tuple(_probability(rivals, effect) for effect in order)

@@ -30,7 +30,7 @@ def also_weak(
     Simulators differ by some thousandths of a large mismatch, so what explains no more is no name
     (:data:`~torch_activegp.diagnosis.shooting.score.MATERIAL`). But no such difference becomes noise by one more
     effect: a spring beside a payload explained 0.003 of the mismatch, which was 1200 in chi2, and left nothing but
-    noise.
+    noise. Nor by a law with more parameters: Stribeck friction in place of Coulomb's explained as much, which was 235.
 
     Args:
         shooting: the likelihood.
@@ -39,7 +39,8 @@ def also_weak(
         tell: hears what is being done.
 
     Returns:
-        The same selection where nothing weak was found; else one whose best set has more names, perhaps others.
+        The same selection where nothing weak was found; else one whose best set has more names, perhaps others, or
+        as many with more parameters.
     """
     best, score = selection.best, selection.score
     if not best.effects or score.scale > _NEAR_NOISE or score.least < score.a_parameter or selection.cut_short:
@@ -54,8 +55,9 @@ def also_weak(
     search(weak, shooting, effects, tell, _DEPTH.counted_from(shooting.work))
     _unstuck(shooting, weak)
     weak.cut_short = selection.cut_short  # this one looks for more than is promised
-    more = weak.score.names_in(weak.best.effects) > score.names_in(best.effects)
-    return weak if more and _leaves_noise(before, omnibus(shooting, weak.best)) else selection
+    more = weak.score.names_in(weak.best.effects) - score.names_in(best.effects)
+    richer = more > 0 or (more == 0 and weak.best.size > best.size)
+    return weak if richer and _leaves_noise(before, omnibus(shooting, weak.best)) else selection
 
 
 def _unstuck(shooting: Shooting, selection: Selection) -> None:
