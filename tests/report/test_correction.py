@@ -2,6 +2,8 @@ from __future__ import annotations
 
 from typing import Any
 
+import pytest
+
 from torch_activegp.report import render_report
 from torch_activegp.report.correction import correction
 
@@ -38,3 +40,18 @@ def test_only_what_mjcf_cannot_hold() -> None:
     assert section.heading == "MJCF cannot hold the correction"
     assert section.content["outside"] == "Backlash at joint a and constant force"
     assert correction({"verdict": "none"}, {}) is None
+
+
+@pytest.mark.parametrize(
+    ("line", "numerics"),
+    [
+        ('+  <option timestep="0.001" integrator="RK4"/>', True),
+        ('+  <joint name="a" solreffriction="0.001 1"/>', True),
+        ('+  <joint name="option" damping="0.1"/>', False),
+        ('   <option timestep="0.001"/>', False),
+    ],
+)
+def test_lines_that_are_numerics_are_told_from_physics(line: str, numerics: bool) -> None:
+    found = {"verdict": "named", "mjcf_diff": f"--- nominal\n+++ corrected\n{line}"}
+    assert correction(found, {}).content["numerics"] == numerics
+    assert ("are numerics, not physics" in render_report(found, {})) == numerics

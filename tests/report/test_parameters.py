@@ -75,3 +75,10 @@ def test_what_the_simulator_has_too_much_of_is_marked(fakes: Any) -> None:
     first, second = diagnosis["effects"]
     section = parameters(diagnosis | {"effects": [first | {"too_much": True}, second]}, evidence)
     assert [group["excess"] for group in section.content["effects"]] == [True, False]
+
+
+def test_a_ratio_has_no_unit() -> None:
+    rows = {
+        unit: _section(value=0.1, ci95=[0.05, 0.15], unit=unit).content["effects"][0]["rows"] for unit in ("1", "m")
+    }
+    assert [row["unit"] for (row,) in rows.values()] == ["", "m"]

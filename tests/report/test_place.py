@@ -64,3 +64,9 @@ def test_headings_with_little(share: float | None) -> None:
     section = place({"verdict": "named", "location": [{"target": "world", "share": share}]}, {})
     assert section.heading in ("The mismatch sits at world", "World carries 40\u00a0% of the mismatch")
     assert place({"verdict": "named"}, {}) is None
+
+
+def test_time_begins_at_zero_where_the_first_piece_does_not() -> None:
+    runs = [{"run": "r", "time": [1.5, 2.5], "seconds": [1.0, 1.0], "before": [1.0, 2.0], "after": []}]
+    times = place({"verdict": "unknown"}, {"map_time": runs}).content["times"]
+    assert (times["axis"].low, times["axis"].high) == (0.0, 3.0)

@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+import re
+
 from torch_activegp.report.section import Section, Values
 from torch_activegp.report.words import capital, counted, effect_text, listed
 
+_NUMERICS = re.compile(r"<option\b|\bsol(ref|imp)friction=")
 _LOOKS = {"+": "added", "-": "removed", "@": "place"}
 
 
@@ -19,6 +22,7 @@ def correction(diagnosis: Values, evidence: Values) -> Section | None:
     heading = f"The correction in the MJCF file: {counted(changed, 'line')} to change" if diff else ""
     content = {
         "lines": lines,
+        "numerics": any(look == "added" and _NUMERICS.search(line) for look, line in lines),
         "outside": capital(listed(outside)) if outside else "",
         "many": len(outside) > 1,
     }

@@ -69,6 +69,11 @@ def quantity(value: Any, unit: str, digits: int = 2) -> str:
     return f"{number(value / scale, digits)}{_SPACE}{prefix}{unit}".rstrip(_SPACE)
 
 
+def unit_text(unit: Any) -> str:
+    """A unit as it is printed: that of a ratio, ``1``, is none."""
+    return "" if unit in (None, "1") else str(unit)
+
+
 def estimate(value: Any, interval: Sequence[Any] | None) -> tuple[str, str]:
     """An estimate and its interval, to the digit that the interval's half width gives a meaning.
 

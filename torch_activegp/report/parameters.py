@@ -6,7 +6,7 @@ import math
 from collections.abc import Sequence
 from typing import Any
 
-from torch_activegp.report.numbers import MISSING, estimate, is_number, percent
+from torch_activegp.report.numbers import MISSING, estimate, is_number, percent, unit_text
 from torch_activegp.report.reading import holds_nothing, nothing, where
 from torch_activegp.report.section import Section, Values
 from torch_activegp.report.words import capital, counted, effect_text, listed
@@ -60,7 +60,7 @@ def _row(effect: str, name: str, found: Values) -> dict[str, Any]:
         "nothing": _NOTHING[origin],
         "value": text,
         "interval": ends,
-        "unit": "" if found.get("unit") in (None, "1") else found["unit"],
+        "unit": unit_text(found.get("unit")),
         "picture": picture,
         "loose": picture is not None and holds_nothing(effect, name, interval),
     }

@@ -90,7 +90,7 @@ def _times(evidence: Values, looks: Sequence[str]) -> dict[str, Any] | None:
     chosen = sorted(runs, key=_peak, reverse=True)[:_MOST_RUNS]
     shown = [run for run in runs if any(run is other for other in chosen)]
     ends = [_ends(run) for run in shown]
-    axis = Axis("time [s]", min(low for low, _ in ends), max(high for _, high in ends), wanted=8)
+    axis = Axis("time [s]", min(0.0, *(low for low, _ in ends)), max(high for _, high in ends), wanted=8)
     strips = [
         {"run": run["run"], "look": look, "cells": cells(axis, run["time"], run[look], run.get("seconds"))}
         for run in shown

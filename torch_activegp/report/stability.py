@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Any
 
-from torch_activegp.report.numbers import estimate, is_number, number
+from torch_activegp.report.numbers import estimate, is_number, number, unit_text
 from torch_activegp.report.section import Section, Values
 from torch_activegp.report.words import capital, effect_text, listed
 
@@ -15,7 +15,7 @@ def stability(diagnosis: Values, evidence: Values) -> Section | None:
     if not found:
         return None
     units = {
-        (effect["name"], effect.get("target"), name): parameter.get("unit") or ""
+        (effect["name"], effect.get("target"), name): unit_text(parameter.get("unit"))
         for effect in diagnosis.get("effects") or []
         for name, parameter in (effect.get("parameters") or {}).items()
     }
