@@ -211,6 +211,18 @@ def test_no_effects_give_no_tables(run: Run, folder: Path, fake: Fake, verdict: 
     assert fake.calls[0]["nthread"] == 2
 
 
+@pytest.mark.parametrize(("effects", "columns"), [([], "simulator"), (named()["effects"], "before")])
+def test_errors_before_and_after_are_told_where_something_was_corrected(
+    run: Run, folder: Path, fake: Fake, effects: list[dict[str, Any]], columns: str
+) -> None:
+    error = {"before": 0.2, "after": 0.1 if effects else 0.2, "noise": 0.05}
+    held_out = {"fit": {"holdout": {"free_run": error, "one_step": error}}}
+    fake.found = plain("named" if effects else "unknown") | {"effects": effects} | held_out
+    text = run("diagnose", "slide.xml", "a.csv").stdout
+    assert columns in text
+    assert ("after" in text) == bool(effects)
+
+
 def test_by_default_every_diagnosis_has_a_folder_of_its_own(run: Run, folder: Path, fake: Fake) -> None:
     for _ in range(3):
         assert run("diagnose", "slide.xml", "a.csv").exit_code == 0

@@ -64,8 +64,9 @@ def test_a_command_that_was_logged_after_it_acted_moves_up_within_its_run() -> N
     late = {"column": "u", "rows_late": 1}
     found = ColumnMap.from_mapping({"ctrl": {"motor": late}}).apply(raw, "a.csv")
     assert found["ctrl.motor"].tolist() == [2.0, 3.0, 3.0, 5.0, 6.0, 6.0]
-    far = ColumnMap.from_mapping({"ctrl": {"motor": late | {"rows_late": 9}}}).apply(raw, "a.csv")
-    assert far["ctrl.motor"].tolist() == raw["u"].tolist()  # nothing is known so late
+    far = ColumnMap.from_mapping({"ctrl": {"motor": late | {"rows_late": 3}}})
+    with pytest.raises(DataError, match="a.csv, column `u`: more than 3 rows wanted in each run, .* found 3"):
+        far.apply(raw, "a.csv")
     alone = ColumnMap.from_mapping({"ctrl": {"motor": late}}).apply(raw.drop(columns="run"), "a.csv")
     assert alone["ctrl.motor"].tolist() == [2.0, 3.0, 4.0, 5.0, 6.0, 6.0]
 

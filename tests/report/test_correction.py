@@ -45,8 +45,8 @@ def test_only_what_mjcf_cannot_hold() -> None:
 @pytest.mark.parametrize(
     ("line", "numerics"),
     [
-        ('+  <option timestep="0.001" integrator="RK4"/>', True),
-        ('+  <joint name="a" solreffriction="0.001 1"/>', True),
+        ('-  <option timestep="0.002"/>\n+  <option timestep="0.001" integrator="RK4"/>', True),
+        ('-  <option timestep="0.001" gravity="0 0 -9.8"/>\n+  <option timestep="0.001" gravity="0 0 -9.5"/>', False),
         ('+  <joint name="option" damping="0.1"/>', False),
         ('   <option timestep="0.001"/>', False),
     ],

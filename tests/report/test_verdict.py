@@ -30,10 +30,19 @@ def test_key_figures(fakes: Any) -> None:
     assert top["subject"] == "Simulator arm.xml \u00b7 6 runs fitted (28.8 s) \u00b7 2 runs held out (9.6 s)"
 
 
-@pytest.mark.parametrize(("chance", "said"), [(0.3, "Noise alone leaves"), (1e-6, "A little more is left than noise")])
-def test_a_control_in_which_a_little_is_left_does_not_call_it_noise(fakes: Any, chance: float, said: str) -> None:
+@pytest.mark.parametrize(
+    ("chance", "left", "said"),
+    [
+        (0.3, 1.0, "Noise alone leaves"),
+        (1e-6, 1.1, "A little more is left than white noise"),
+        (1e-6, 4.2, "More is left than the rows show of noise"),
+    ],
+)
+def test_a_control_in_which_something_is_left_does_not_call_it_noise(
+    fakes: Any, chance: float, left: float, said: str
+) -> None:
     diagnosis, _ = fakes["none"]()
-    diagnosis["mismatch"]["p_value"] = chance
+    diagnosis["mismatch"]["p_value"], diagnosis["unexplained"] = chance, {"chi2_per_dof": left}
     assert banner(diagnosis)["sure"].startswith(said)
 
 

@@ -80,7 +80,7 @@ def _show(found: Mapping[str, Any], secret: Secret, seed: int) -> None:
         results.print(_effects(effects))
     _say(f"Hidden was {secret} (seed {seed}). {score(secret, found)}")
     _say("Free run and one step on the held-out recordings, in standard deviations of what was measured:")
-    results.print(_errors(found["fit"]["holdout"], bool(found["effects"])))
+    results.print(_errors(found["fit"]["holdout"], corrected=bool(effects)))
 
 
 def _say(text: str, to: Any = results) -> None:

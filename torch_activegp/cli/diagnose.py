@@ -181,7 +181,7 @@ def _show(found: Values) -> None:
     held_out = (found.get("fit") or {}).get("holdout") or {}
     if any(held_out.get(key) for key in FORECASTS):
         _say("Errors on held-out recordings, in standard deviations of what was measured:")
-        results.print(_errors(held_out, bool(found.get("effects"))))
+        results.print(_errors(held_out, corrected=bool(found.get("effects"))))
     following = found.get("next_experiment")
     if following:
         controls = f" Controls: {following['controls']}." if following.get("controls") else ""
@@ -231,7 +231,7 @@ def _parameter(name: str, found: Values) -> str:
     return " ".join(word for word in words if word)
 
 
-def _errors(held_out: Values, corrected: bool) -> Table:
+def _errors(held_out: Values, *, corrected: bool) -> Table:
     learned = any(is_number((held_out.get(key) or {}).get("gp")) for key in FORECASTS)
     columns = {
         "before": "before" if corrected else "simulator",

@@ -160,8 +160,7 @@ class ColumnMap:
         runs = found["run"] if "run" in found else np.zeros(len(found))
         for key, rule in rules.items():
             if rule.rows_late:
-                moved = found.groupby(runs, sort=False)[key].shift(-rule.rows_late)
-                found[key] = moved.groupby(runs, sort=False).ffill().fillna(found[key])
+                found[key] = _earlier(found[key], runs, rule, where)
         return found
 
     def unused(self, table: pd.DataFrame) -> list[str]:
@@ -179,6 +178,18 @@ class ColumnMap:
         if key == "run":
             return _run_names(series, where)
         return rule.factor * _floats(series, where, rule.column) + rule.offset
+
+
+def _earlier(values: pd.Series, runs: Any, rule: ColumnRule, where: str) -> pd.Series:
+    """A column moved up within each run; the last value is held."""
+    shortest = int(values.groupby(runs, sort=False).size().min())
+    if shortest <= rule.rows_late:
+        raise DataError(
+            f"{where}, column `{rule.column}`: more than {rule.rows_late} rows wanted in each run, for `rows_late`; "
+            f"found {shortest}."
+        )
+    moved = values.groupby(runs, sort=False).shift(-rule.rows_late)
+    return moved.groupby(runs, sort=False).ffill()
 
 
 def _joints(value: object, name: str) -> list[str]:

@@ -168,7 +168,7 @@ def _report(
     proposal = propose(explanation, judgement, machine.fit, seed)
     if proposal is not None:
         files["next.csv"] = proposal[1]
-    late = doubt_rows(explanation) if judgement.verdict == "unknown" else []
+    late = _late(explanation, judgement, say)
     details: dict[str, Any] = {
         "mismatch": {
             "detected": judgement.verdict != "none",
@@ -208,9 +208,17 @@ def _report(
         "laws": laws(machine.channels, left, chosen, judgement.named) if named else [],
         "traces": traces,
     }
-    words = sentence(judgement.verdict, named, details, [*machine.doubts, *late])
+    words = sentence(judgement.verdict, named, details, [*late, *machine.doubts])
     files |= saved_files({"corrected.pt": corrected, "learned.pt": learned}, details["notes"])
     return Diagnosis(judgement.verdict, words, named, details, evidence, files, corrected, learned, verdict.stability)
+
+
+def _late(explanation: Explanation, judgement: Judgement, say: Tell) -> list[str]:
+    """Whether controls seem to be logged late, where nothing explains the mismatch."""
+    if judgement.verdict != "unknown":
+        return []
+    say("looking at the rows of the controls", 0.99)
+    return doubt_rows(explanation)
 
 
 def _certain(judgement: Judgement) -> list[tuple[Effect, Array]]:

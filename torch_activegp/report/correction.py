@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 import re
+from collections.abc import Sequence
 
 from torch_activegp.report.section import Section, Values
 from torch_activegp.report.words import capital, counted, effect_text, listed
 
-_NUMERICS = re.compile(r"<option\b|\bsol(ref|imp)friction=")
+_NUMERICS = re.compile(r'\b(timestep|integrator)="([^"]*)"')
 _LOOKS = {"+": "added", "-": "removed", "@": "place"}
 
 
@@ -22,11 +23,16 @@ def correction(diagnosis: Values, evidence: Values) -> Section | None:
     heading = f"The correction in the MJCF file: {counted(changed, 'line')} to change" if diff else ""
     content = {
         "lines": lines,
-        "numerics": any(look == "added" and _NUMERICS.search(line) for look, line in lines),
+        "numerics": _numerics(lines, "added") != _numerics(lines, "removed"),
         "outside": capital(listed(outside)) if outside else "",
         "many": len(outside) > 1,
     }
     return Section("correction", "Correction", heading or "MJCF cannot hold the correction", content)
+
+
+def _numerics(lines: Sequence[tuple[str, str]], look: str) -> set[tuple[str, str]]:
+    """Time step and integrator in the lines of a look."""
+    return {found for kind, line in lines if kind == look for found in _NUMERICS.findall(line)}
 
 
 def _look(line: str) -> str:

@@ -13,8 +13,8 @@ _HARDLY = 1e-12
 _CLOSE, _ROUNDING = 2.0, 1e-6
 _LONG = 2
 """A set of more effects than these that contains the best one is told by what it adds."""
-_TIE, _SAME = 6.0, "the same law"
 _DEARER = "fits as well, costs more"
+_TIE, _SAME = 6.0, "the same law"
 """Ties whose names cost more than the recordings could tell apart."""
 _TAGS = {"none": "the verdict", "named": "the verdict", "tie": "tied", "unknown": "not enough"}
 
@@ -56,7 +56,7 @@ def _heading(diagnosis: Values, found: list[Values], named: frozenset[Any]) -> s
 def _fits_as_well(rival: Values, best: Values) -> bool:
     """Whether another explanation leaves no more: what it is behind is the price of its names."""
     here, there = rival.get("chi2_per_dof"), best.get("chi2_per_dof")
-    return rival is not best and is_number(here) and is_number(there) and here <= there
+    return rival is not best and is_number(here) and is_number(there) and here <= there * (1.0 + _ROUNDING)
 
 
 def _row(rival: Values, best: Values, named: frozenset[Any]) -> dict[str, Any]:

@@ -40,6 +40,15 @@ def test_what_is_known_well_need_not_be_recorded_again(wet, error: float, first:
     assert found[1].sentence(1.0).startswith(first)
 
 
+def test_a_ratio_has_no_unit(bench) -> None:
+    limit = bench.effect("actuator_saturation", "actuator:drive")
+    fit = dataclasses.replace(bench.nominal, effects=(limit,), values=(np.array([0.1]),))
+    found = least_certain(fit, np.array([[1e-4]]))
+    assert found is not None
+    assert "from 0.01 to about 0.0097" in found[1].sentence(1.0)
+    assert [text.rpartition(" ")[2] for text in found[1].separates] == ["0.08", "0.12"]
+
+
 @pytest.mark.parametrize("listed", [True, False])
 def test_where_no_controls_tell_a_tie_apart_none_is_said_to_be_settled(bench, wet, monkeypatch, listed: bool) -> None:
     """What can never be told apart does not compete, and is in the list of ties alone."""

@@ -81,7 +81,7 @@ def test_without_its_names_a_verdict_is_unknown_and_says_why(bench) -> None:
     verdict = decide(bench.shooting, Selection(bench.nominal, fits, Score(bench.shooting.samples, 60, 1.0)))
     judgement, stable, notes = taken_back(verdict, "not the held-out ones: free runs are off")
     assert (judgement.verdict, judgement.named, judgement.unexplained, stable) == ("unknown", (), 1.0, None)
-    assert notes[-1].startswith("viscous_friction at joint:hip would fit these recordings, but not the held-out ones")
+    assert notes[-1].startswith("viscous_friction at joint:hip would explain these recordings best, but not the held-")
     assert "free runs are off" in notes[-1]
 
 
@@ -95,7 +95,7 @@ def test_names_that_do_not_hold_for_other_runs_are_not_given(bench, record) -> N
     assert (good.verdict, found.verdict) == ("named", "unknown")
     assert found.effects == ()
     assert found.stability is None
-    assert any("would fit these recordings, but not the held-out ones" in note for note in found.details["notes"])
+    assert any("explain these recordings best, but not the held-out ones" in note for note in found.details["notes"])
     assert found.details["fit"]["holdout"]["free_run"]["after"] == found.details["fit"]["holdout"]["free_run"]["before"]
     assert dataclasses.asdict(good.effects[0])["name"] == "viscous_friction"
 
@@ -103,7 +103,7 @@ def test_names_that_do_not_hold_for_other_runs_are_not_given(bench, record) -> N
 def test_names_that_leave_much_of_doubtful_recordings_are_not_given(record, model) -> None:
     """A motor's controls that are recorded a hundred times too large: no name may stand for that."""
     assert reservation((), 1e6) is None
-    assert reservation(("Column `ctrl.drive`: ...",), 1.5) is None
+    assert reservation(("Column `ctrl.drive`: ...",), 20.0) is None
     assert "640" in str(reservation(("Column `ctrl.drive`: ...",), 640.0))
     runs = []
     for seed in range(4):

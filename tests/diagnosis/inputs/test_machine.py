@@ -74,7 +74,10 @@ def test_a_joint_with_a_velocity_alone_is_noted(bench, record) -> None:
     twice = bench.xml.replace("</worldbody>", '<body><joint name="knee"/><geom size=".1"/></body></worldbody>')
     given = record(name="a", qvel__knee=np.zeros(201))
     machine = make_machine(mujoco.MjModel.from_xml_string(twice), [given], [record()])
-    unseen = "Not in all recordings: qpos.knee; how these joints move is not seen, and no effect is sought there. "
+    unseen = (
+        "Not in all recordings: qpos.knee; no effect on these joints is sought, and their drives and bodies are seen "
+        "through the others alone. "
+    )
     qvel = "a: qvel.knee without qpos.knee; knee counts as not measured. Record it."
     assert machine.notes == (f"{unseen}Record them if you can.", qvel)
     assert make_machine(bench.machine.model, [record(name="a")], [record()]).notes == ()

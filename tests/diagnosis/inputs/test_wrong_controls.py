@@ -1,12 +1,14 @@
 from __future__ import annotations
 
 import dataclasses
+import itertools
 
 import mujoco
 import numpy as np
 import pytest
 
 from torch_activegp.data import Recording
+from torch_activegp.diagnosis.inputs import wrong_controls
 from torch_activegp.diagnosis.inputs.machine import make_machine
 from torch_activegp.diagnosis.inputs.wrong_controls import doubt_controls
 from torch_activegp.diagnosis.inputs.wrong_signs import check_signs
@@ -65,6 +67,21 @@ def doubts(runs: list[Recording]) -> list[str]:
 def test_a_sign_or_a_unit_is_doubted_beside_what_else_is_missing(records, scale: float, words: tuple[str, ...]) -> None:
     (text,) = doubts(records(scale))
     assert all(word in text for word in words)
+
+
+def test_controls_of_several_joints_are_doubted(records) -> None:
+    runs = [run.replace({"ctrl.push": -run["ctrl.push"], "ctrl.drive": 100.0 * run["ctrl.drive"]}) for run in records()]
+    found = doubts(runs)
+    assert {text.partition(":")[0] for text in found} == {"Column `ctrl.push`", "Column `ctrl.drive`"}
+
+
+def test_what_one_joint_does_not_tell_of_a_control_another_one_may(records, monkeypatch) -> None:
+    told = itertools.cycle([np.array([np.nan]), np.array([-1.0])])
+    monkeypatch.setattr(wrong_controls, "_pushes", lambda *rest: np.arange(6.0).reshape(3, 2) * [1.0, 0.0])
+    monkeypatch.setattr(wrong_controls, "_factors", lambda *rest: next(told))
+    monkeypatch.setattr(wrong_controls, "_LACKS", 0.0)
+    (text,) = doubts(records())
+    assert text.startswith("Column `ctrl.push`: the sign")
 
 
 def test_where_a_position_could_be_in_another_unit_as_well_both_are_told(records) -> None:

@@ -7,8 +7,9 @@ import mujoco
 import numpy as np
 import pytest
 
+from torch_activegp.data import Recording
 from torch_activegp.diagnosis.inputs.machine import make_machine
-from torch_activegp.diagnosis.inputs.wrong_units import check_units
+from torch_activegp.diagnosis.inputs.wrong_units import check_units, forces_of, motion_of
 from torch_activegp.errors import DataError
 
 
@@ -85,3 +86,24 @@ def test_one_joint_of_two_in_degrees_is_the_one_that_is_named(double) -> None:
     wrong = run.replace({"qpos.elbow": run["qpos.elbow"] * 180 / np.pi})
     with pytest.raises(DataError, match=r'qpos\.elbow = \{ column = "qpos\.elbow", unit = "deg" \}'):
         make_machine(double.model(), [dataclasses.replace(wrong, prescribed=())] * 2, [])
+
+
+def test_what_is_fast_in_a_control_does_not_seem_to_be_lacking() -> None:
+    """A sled whose command changes in each row: its acceleration is seen over 0.3 s, and so is the command."""
+    sled = mujoco.MjModel.from_xml_string(
+        '<mujoco><option timestep="0.01"/><worldbody><body><joint name="x" type="slide"/><geom size=".1" mass="2"/>'
+        '</body></worldbody><actuator><motor name="push" joint="x"/></actuator></mujoco>'
+    )
+    control, data, rows = 20.0 * np.random.default_rng(0).normal(size=600), mujoco.MjData(sled), []
+    control += 5.0 * np.sin(0.05 * np.arange(600))
+    for u in control:
+        rows.append(float(data.qpos[0]))
+        data.ctrl[:] = u
+        mujoco.mj_step(sled, data)
+    columns = {"time": 0.01 * np.arange(600), "qpos.x": np.array(rows), "ctrl.push": control}
+    machine = make_machine(sled, [Recording.from_columns("run", columns)], [])
+    motion = motion_of(machine.fit)
+    assert motion is not None
+    assert motion.control.std() < 0.6 * control.std()
+    lacking, there = forces_of(sled, machine.channels, motion, np.ones(1))
+    assert lacking[0] < 0.2 * there[0]

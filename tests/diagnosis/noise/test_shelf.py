@@ -1,5 +1,7 @@
 from __future__ import annotations
 
+import dataclasses
+
 import numpy as np
 import pytest
 from scipy import signal
@@ -49,9 +51,11 @@ def test_motion_is_no_shelf() -> None:
     assert shelf(*spectrum(mass + 0.1 * rng.normal(size=20000))) is None
 
 
-def test_the_floor_is_the_level_behind_the_filter(make_plain_run) -> None:
-    values, noise = filtered(2, 30.0, True)
+@pytest.mark.parametrize(("rate", "corner"), [(250.0, 30.0), (250.0, 15.0), (500.0, 30.0), (1000.0, 60.0)])
+def test_the_floor_is_the_level_behind_the_filter(make_plain_run, rate: float, corner: float) -> None:
+    values, noise = filtered(2, corner * RATE / rate, True, 16000)
     run = make_plain_run(values, noise=1e-6)  # as differences see it
+    run = dataclasses.replace(run, time=np.arange(len(run)) / rate)
     assert steep_filter([run], 0) is not None
     floor = noise_floor([run])
     assert floor.scale[0] == pytest.approx(noise.std(), rel=0.15)

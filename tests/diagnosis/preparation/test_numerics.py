@@ -358,3 +358,11 @@ def test_a_name_that_may_be_half_a_time_step_is_left_out_where_the_own_integrato
     fit = working.fit([((clean.effect("viscous_friction"),), (np.zeros(1),))], clean.nominal.starts)[0]
     engine, _, best = made._own_behind(np.inf, made.fine, working, fit, working, working.dof)
     assert (engine, best.effects) == (truth, ())
+
+
+def test_a_form_is_given_up_by_what_was_expected_of_the_best_one(clean) -> None:
+    """A fit gains more than is seen to first order; forms that are not fitted yet may gain as much."""
+    results = [(100.0, clean.engine, clean.shooting, clean.nominal, 120.0)]
+    results.append((110.0, clean.engine, clean.shooting, clean.nominal, 500.0))
+    assert numerics._too_far(results, False) == pytest.approx(120.0 + numerics._BARE_BEHIND)
+    assert numerics._too_far(results, True) == pytest.approx(100.0 * (1.0 + numerics._BEHIND) + numerics._FAR_BEHIND)

@@ -89,7 +89,7 @@ def test_what_is_late_by_less_than_half_a_step_of_the_own_integrator_is_no_name(
         best = dataclasses.replace(nominal, effects=(wet, lag), values=values, chi2=0.5 * nominal.chi2)
         return Selection(nominal, [nominal, best], Score(shooting.samples, 60, 1.0))
 
-    few, many = compared(0.0004), compared(0.0006)
+    few, many = compared(0.00007), compared(0.0001)  # the next are 0.83 ms
     assert without_a_step(numerics, own, shooting, many) is many
     assert without_a_step(numerics, numerics.fine, shooting, few) is few
     found = without_a_step(numerics, own, shooting, few)

@@ -31,6 +31,13 @@ def test_those_far_behind_give_up_and_the_best_three_go_on() -> None:
     assert [racer.finished for racer in behind] == [False, True, False]
 
 
+def test_where_all_fail_none_is_far_behind() -> None:
+    racers = [Racer(np.inf) for _ in range(5)]
+    with np.errstate(invalid="raise"):
+        Race().give_up(racers)
+    assert not any(racer.finished for racer in racers)
+
+
 @pytest.mark.parametrize(
     ("best", "change", "given_up"),
     [

@@ -19,10 +19,11 @@ _INSIDE = 21
 
 
 def map_time(shooting: Shooting, before: Fit, after: Fit) -> list[dict[str, Any]]:
-    """Chi2 per sample of every segment, around its centre and so long, s, before and after."""
+    """Chi2 per sample of every segment, before and after, with its centre and its length, s."""
     segments = shooting.segments
     centers = segments.centers()
-    seconds = np.diff(segments.scored, axis=1)[:, 0] * np.median(segments.dt, axis=1)
+    ends = [segments.runs[r].time[rows] for r, rows in zip(segments.run, segments.scored, strict=True)]
+    seconds = np.diff(np.array(ends), axis=1)[:, 0]
     samples = segments.samples
     out = []
     for number, run in enumerate(segments.runs):

@@ -194,7 +194,7 @@ def _unseen(model: mujoco.MjModel, channels: Channels) -> list[str]:
     kinds = (int(mujoco.mjtJoint.mjJNT_HINGE), int(mujoco.mjtJoint.mjJNT_SLIDE))
     joints = [model.joint(i).name or f"joint{i}" for i in range(model.njnt) if model.jnt_type[i] in kinds]
     missing = ", ".join(f"qpos.{joint}" for joint in joints if joint not in known)
-    what = "how these joints move is not seen, and no effect is sought there"
+    what = "no effect on these joints is sought, and their drives and bodies are seen through the others alone"
     return [f"Not in all recordings: {missing}; {what}. Record them if you can."] if missing else []
 
 

@@ -51,8 +51,9 @@ def doubt_controls(model: mujoco.MjModel, channels: Channels, runs: Sequence[Run
         found = _factors(balanced.motion, pushes[:, acting], balanced.lacking[:, joint], joint)
         names = [list(inputs)[i] for i in acting]
         for name, factor in zip(names, found, strict=True):
-            doubts.setdefault(name, _doubt(name, factor))
-    return [text for text in doubts.values() if text]
+            if text := _doubt(name, factor):
+                doubts.setdefault(name, text)
+    return list(doubts.values())
 
 
 def _doubt(name: str, factor: float) -> str:

@@ -174,7 +174,7 @@ def _slopes(time: Array, columns: Array, window: int) -> Array:
     """The slope of each column ``(T, n)`` over so many rows."""
     clock = torch.from_numpy(time)
     slopes = [local_slope(clock, torch.from_numpy(column.copy()), window).numpy() for column in columns.T]
-    return np.stack(slopes, axis=1) if slopes else 0.0 * columns
+    return np.stack(slopes, axis=1)
 
 
 def forces_of(model: mujoco.MjModel, channels: Channels, motion: Motion, factors: Array) -> tuple[Array, Array]:

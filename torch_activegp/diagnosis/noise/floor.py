@@ -17,9 +17,11 @@ from torch_activegp.diagnosis.noise.model import (
     spectrum,
 )
 from torch_activegp.diagnosis.noise.periods import noise_from_periods
-from torch_activegp.diagnosis.noise.shelf import Shelf, shelf
+from torch_activegp.diagnosis.noise.shelf import LOWEST, Shelf, shelf
 
 _WINDOW = 128
+_BIN = 1.0
+"""Bins of the spectrum in which a steep filter is sought are about so wide, Hz, where the runs are long enough."""
 _LOWEST = 0.125
 _MOTION = 20.0
 """Machines move more slowly than this, Hz, and below an eighth of the sampling rate; above there is noise."""
@@ -86,8 +88,20 @@ def moves_quickly(runs: Sequence[Run], channel: int) -> bool:
 
 def steep_filter(runs: Sequence[Run], channel: int) -> Shelf | None:
     """The filter that took so much from the end of the spectrum that what is left looks like motion; else None."""
-    seen = _spectra(runs, channel)
-    return shelf(*seen[:2]) if seen is not None and moves_quickly(runs, channel) else None
+    if any(run.video for run in runs) or noise_from_periods(runs, channel) is not None:
+        return None
+    band = _above_motion(runs, channel)
+    if _lowest(runs) > _NARROW or (band is not None and not band.moves):
+        return None
+    step = median_step(runs)
+    fine = _WINDOW * 2 ** max(round(np.log2(_BIN**-1 / (_WINDOW * step))), 0)
+    while fine >= _WINDOW:
+        seen = _spectra(runs, channel, fine)
+        found = None if seen is None else shelf(*seen[:2], LOWEST * step)
+        if found is not None:
+            return found
+        fine //= 2
+    return None
 
 
 def finest(runs: Sequence[Run]) -> Array:
@@ -197,24 +211,24 @@ def _uneven(run: Run) -> bool:
     return bool(np.ptp(run.dt) > _JITTER * np.median(run.dt))
 
 
-def _spectra(runs: Sequence[Run], channel: int) -> tuple[Array, Array, float] | None:
+def _spectra(runs: Sequence[Run], channel: int, window: int = _WINDOW) -> tuple[Array, Array, float] | None:
     """Frequencies, the median spectrum of all runs that have one, and the median variance by differences in these."""
-    found = [(run, s) for run in runs if (s := _spectrum(run, channel)) is not None]
+    found = [(run, s) for run in runs if (s := _spectrum(run, channel, window)) is not None]
     if not found:
         return None
     power = np.median([p for _, (_, p) in found], axis=0)
     return found[0][1][0], power, float(np.median([run.noise[channel] ** 2 for run, _ in found]))
 
 
-def _spectrum(run: Run, channel: int) -> tuple[Array, Array] | None:
-    if run.recorded.mean() < _COMPLETE or len(run) < 2 * _WINDOW:
+def _spectrum(run: Run, channel: int, window: int = _WINDOW) -> tuple[Array, Array] | None:
+    if run.recorded.mean() < _COMPLETE or len(run) < 2 * window:
         return None
     values = run.position[:, channel]
     if _uneven(run):  # sampled at uneven times, a motion looks like noise: take it out
         speed = run.velocity[:, channel]
         values = values - np.concatenate([[0.0], np.cumsum(0.5 * (speed[1:] + speed[:-1]) * run.dt)])
     frequency, power = signal.welch(
-        values, window="blackmanharris", nperseg=_WINDOW, detrend=signal.detrend, average="median"
+        values, window="blackmanharris", nperseg=window, detrend=signal.detrend, average="median"
     )
     inner = slice(4, -2)
     return frequency[inner], power[inner]

@@ -11,13 +11,16 @@ from torch_activegp.diagnosis.inputs.runs import Array
 
 _ORDERS = ((2, 1), (3, 1), (4, 1), (1, 2), (2, 2), (3, 2), (4, 2))
 """Orders of Butterworth filters, and how often they are run: twice where forth and back."""
-_CORNERS = np.geomspace(0.04, 0.35, 45)
+_CORNERS = np.geomspace(0.01, 0.35, 80)
+LOWEST = 9.0
+"""Corners below this, Hz, are not sought: what is level up to there may be a servo that follows its reference."""
 _LEVEL = 5
 """Bins that must be level, below the corner."""
 _BELOW = 0.7
 """Part of the corner up to which the filter lets nearly all pass."""
-_CLOSE = 0.1
-"""Root mean square of the decimal logarithm by which a spectrum may be off."""
+_CLOSE = 0.13
+"""Root mean square of the decimal logarithm by which a spectrum may be off: 0.06 to 0.12 behind filters, as few or many
+windows there are, and 0.2 and more where motion is in it."""
 _SLOPE = 1.0
 """Power of the frequency with which the level part may fall; motion falls with the fourth."""
 _DEEP = 2.0
@@ -43,7 +46,7 @@ class Shelf(NamedTuple):
         return max(int(0.5 / self.corner), 1)
 
 
-def shelf(frequency: Array, power: Array) -> Shelf | None:
+def shelf(frequency: Array, power: Array, lowest: float = 0.0) -> Shelf | None:
     """The level of noise that a Butterworth filter of any order has passed, forth or forth and back.
 
     Positions that were filtered after they were recorded have noise that differences hardly see, and that falls more
@@ -54,26 +57,27 @@ def shelf(frequency: Array, power: Array) -> Shelf | None:
     Args:
         frequency: of some bins, in parts of the sampling rate, rising, ``(F,)``.
         power: one-sided density at unit sampling rate, ``(F,)``.
+        lowest: corner that is sought, in parts of the sampling rate.
 
     Returns:
-        The shelf that goes on down to the lowest frequency; None where there is none.
+        The shelf that goes on down to the lowest frequency; None where there is none, or none that is seen: at least
+        five bins must be level below 0.7 of its corner.
     """
     told = power > _ABOVE_REST * power[-_LEVEL:].mean()
     end = len(told) if told.all() else int(np.argmin(told))
+    filters = [*itertools.product(_ORDERS, _CORNERS[_CORNERS >= lowest])]
+    passed = np.array([np.log10(_passed(frequency[:end], *one)) for one in filters])
     for first in range(max(end - 2 * _LEVEL, 0)):
         f, p = frequency[first:end], np.log10(power[first:end])
-        found = [_fitted(f, p, order, corner) for order, corner in itertools.product(_ORDERS, _CORNERS)]
-        misfit, corner, level, order = min(found)
-        if misfit < _CLOSE and _is_level(f, p, corner) and p.min() < level - _DEEP:
+        apart = p - passed[:, first:]
+        misfits = apart.std(axis=1)
+        best = int(np.argmin(misfits))
+        order, corner = filters[best]
+        level = float(apart[best].mean())
+        if misfits[best] < _CLOSE and _is_level(f, apart[best], corner) and p.min() < level - _DEEP:
             even = np.linspace(0.0, 0.5, 513)[1:-1]
-            return Shelf(corner, float(np.sqrt(0.5 * 10.0**level * np.mean(_passed(even, order, corner)))))
+            return Shelf(float(corner), float(np.sqrt(0.5 * 10.0**level * np.mean(_passed(even, order, corner)))))
     return None
-
-
-def _fitted(f: Array, p: Array, order: tuple[int, int], corner: float) -> tuple[float, float, float, tuple[int, int]]:
-    """Misfit, corner, decimal logarithm of the level and order of one filter."""
-    apart = p - np.log10(_passed(f, order, corner))
-    return float(apart.std()), float(corner), float(apart.mean()), order
 
 
 def _passed(f: Array, order: tuple[int, int], corner: float) -> Array:
@@ -82,8 +86,9 @@ def _passed(f: Array, order: tuple[int, int], corner: float) -> Array:
     return np.asarray((1.0 + (np.tan(np.pi * f) / np.tan(np.pi * corner)) ** (2 * times)) ** -often)
 
 
-def _is_level(f: Array, p: Array, corner: float) -> bool:
+def _is_level(f: Array, apart: Array, corner: float) -> bool:
+    """Whether what the filter does not make of a spectrum, as its decimal logarithm, is level below the corner."""
     below = f < _BELOW * corner
     if below.sum() < _LEVEL:
         return False
-    return bool(abs(np.polyfit(np.log10(f[below]), p[below], 1)[0]) < _SLOPE)
+    return bool(abs(np.polyfit(np.log10(f[below]), apart[below], 1)[0]) < _SLOPE)

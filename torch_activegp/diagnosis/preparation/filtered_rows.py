@@ -15,7 +15,9 @@ def thinned(machine: Machine) -> Machine:
     """A machine of whose rows only as many count as a filter has left new values, with a note on that.
 
     The noise behind a steep filter is white in rows that are half a period of its corner apart, and follows from these
-    in between. No noise of one or two poles is like it. Held-out runs stay as they are.
+    in between. No noise of one or two poles is like it. A row counts for all joints or for none; so the filter with the
+    lowest corner tells which, and the noise of all of them is taken for white in these. What fits leave is not asked
+    for another noise then. Held-out runs stay as they are.
 
     Args:
         machine: model and runs.
@@ -29,18 +31,17 @@ def thinned(machine: Machine) -> Machine:
     corner = min(one.corner for one in shelves.values()) / period
     note = (
         f"{', '.join(shelves)}: filtered at about {corner:.2g} Hz, as the spectrum shows. What is faster is not seen "
-        f"there, and only every {_ordinal(rows)} row counts, for noise is new in these. Unfiltered, they tell more."
+        f"there, and of all joints one row in {1e3 * rows * period:.3g} ms counts, for noise is new in these. "
+        "Unfiltered, they tell more."
     )
-    fit = tuple(_every(run, rows) for run in machine.fit)
+    fit = tuple(_apart(run, rows * period) for run in machine.fit)
     return dataclasses.replace(machine, fit=fit, notes=(*machine.notes, note))
 
 
-def _every(run: Run, rows: int) -> Run:
-    """The run with one of so many recorded rows that count."""
-    number = np.cumsum(run.counted) - 1
-    kept = run.counted & (number % rows == 0)
+def _apart(run: Run, seconds: float) -> Run:
+    """The run with rows that count so far apart at least, but for jitter."""
+    kept, last = np.zeros(len(run), dtype=bool), -np.inf
+    for row in np.flatnonzero(run.counted):
+        if run.time[row] - last > seconds - 0.5 * float(np.median(run.dt)):
+            kept[row], last = True, run.time[row]
     return dataclasses.replace(run, left_out=run.recorded & ~kept)
-
-
-def _ordinal(number: int) -> str:
-    return {2: "second", 3: "third"}.get(number, f"{number}th")

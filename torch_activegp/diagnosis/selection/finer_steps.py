@@ -5,6 +5,8 @@ from __future__ import annotations
 import dataclasses
 import functools
 
+import numpy as np
+
 from torch_activegp.diagnosis.inputs.runs import median_step
 from torch_activegp.diagnosis.preparation.brief_pieces import begun
 from torch_activegp.diagnosis.preparation.late import LIKE_A_TIME_STEP
@@ -53,10 +55,12 @@ def nameless_in_finer_steps(
 
 
 def without_a_step(numerics: Numerics, engine: Engine, shooting: Shooting, selection: Selection) -> Selection:
-    """The sets in which nothing is late by less than half a time step of the model's own integrator.
+    """The sets in which nothing is late by less than the model's own integrator in the next shorter steps would be.
 
-    In shorter steps than the model's that integrator comes nearest to recordings that a simulator has made, in steps of
-    any length: to one in 0.1 ms 0.125 ms came, and a sensor was said to be 20 us late. As little as that is no name.
+    That integrator has controls half a step early. It is compared in steps of some lengths, and recordings that a
+    simulator has made may be of any: to one in 0.1 ms the nearest was 0.125 ms, and a sensor was said to be 20 us late.
+    What is within half the difference to the next shorter steps, or half of the shortest, is no name, however much it
+    gains; more than that the next shorter steps would have shown.
 
     Args:
         numerics: the forms of the model.
@@ -66,7 +70,9 @@ def without_a_step(numerics: Numerics, engine: Engine, shooting: Shooting, selec
     """
     if engine not in numerics.own:
         return selection
-    half = 0.5 * median_step(shooting.segments.runs) / engine.substeps
+    shorter = (own.substeps for own in numerics.own if numerics.sticks(own) == numerics.sticks(engine))
+    following = min((steps for steps in shorter if steps > engine.substeps), default=np.inf)
+    half = 0.5 * median_step(shooting.segments.runs) * (1.0 / engine.substeps - 1.0 / following)
 
     def told(fit: Fit) -> list[Effect]:
         late = (effect.name in LIKE_A_TIME_STEP and value[0] < half for effect, value in fit.by_effect.items())
