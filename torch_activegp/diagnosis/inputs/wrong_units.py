@@ -172,9 +172,10 @@ def motion_of(runs: Sequence[Run]) -> Motion | None:
 
 def _slopes(time: Array, columns: Array, window: int) -> Array:
     """The slope of each column ``(T, n)`` over so many rows."""
-    clock = torch.from_numpy(time)
-    slopes = [local_slope(clock, torch.from_numpy(column.copy()), window).numpy() for column in columns.T]
-    return np.stack(slopes, axis=1)
+    clock, slopes = torch.from_numpy(time), np.zeros(columns.shape)
+    for number in np.flatnonzero(columns.any(axis=0)):  # most joints have no known force
+        slopes[:, number] = local_slope(clock, torch.from_numpy(columns[:, number].copy()), window).numpy()
+    return slopes
 
 
 def forces_of(model: mujoco.MjModel, channels: Channels, motion: Motion, factors: Array) -> tuple[Array, Array]:
