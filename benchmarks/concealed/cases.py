@@ -121,6 +121,7 @@ def _attempt(spec: Spec, attempt: int, rng: np.random.Generator) -> tuple[str, d
     text = write_model(system, 100, rng, need_rotor="backlash" in names)
     plant = read_plant(mujoco.MjModel.from_xml_string(text))
     recorder = conceal.draw_recorder(plant, system.closed and rng.random() < 0.4, rng)
+    recorder = conceal.filtered_after(recorder, plant, np.random.default_rng([spec.seed, spec.index, attempt]))
     rng_model = np.random.default_rng()
     rng_model.bit_generator.state = rate_free
     text = write_model(system, recorder.rate, rng_model, need_rotor="backlash" in names)

@@ -6,7 +6,7 @@ import dataclasses
 from collections.abc import Sequence
 
 import numpy as np
-from scipy.signal import lfilter
+from scipy.signal import butter, filtfilt, freqz, lfilter
 
 from benchmarks.concealed.dynamics import mass_and_bias, room
 from benchmarks.concealed.excite import KINDS, excitation
@@ -29,6 +29,7 @@ class Recorder:
         start: first reading of the clock, s.
         velocities: whether a tachometer is recorded too.
         closed: whether a loop follows goals; `stiff`: its bandwidth, rad/s.
+        corner: of a Butterworth filter of second order that passes positions forth and back afterwards, Hz; 0 for none.
     """
 
     rate: int
@@ -41,11 +42,15 @@ class Recorder:
     velocities: bool
     closed: bool
     stiff: float
+    corner: float = 0.0
 
     @property
     def deviation(self) -> np.ndarray:
-        """Noise and quantisation together, (n,)."""
-        return np.sqrt(self.noise**2 + self.step**2 / 12)
+        """Noise and quantisation together, as they are recorded, (n,)."""
+        passed = 1.0
+        if self.corner:
+            passed = float(np.mean(np.abs(freqz(*butter(2, self.corner, fs=self.rate))[1]) ** 4))
+        return np.sqrt(passed * self.noise**2 + self.step**2 / 12)
 
     @property
     def concealments(self) -> list[str]:
@@ -53,7 +58,7 @@ class Recorder:
         said = {
             "closed loop": self.closed,
             "quantised": bool(self.step.any()),
-            "filtered noise": self.color > 0,
+            "filtered noise": self.color > 0 or self.corner > 0,
             "jittered": self.jitter > 0,
             "dropped rows": self.missed > 0,
             "clock offset": self.start != 0,
@@ -80,6 +85,19 @@ def draw_recorder(plant: Plant, closed: bool, rng: np.random.Generator) -> Recor
         velocities=bool(rng.random() < 0.3),
         closed=closed,
         stiff=rng.uniform(0.5, 1.0) * min(20.0, 0.2 * rate),
+    )
+
+
+def filtered_after(recorder: Recorder, plant: Plant, rng: np.random.Generator) -> Recorder:
+    """The recorder, with positions that somebody filtered forth and back afterwards, in one of five that allow it.
+
+    Those with an even clock of 100 Hz or more and white noise; not where something is struck, which filters smear.
+    """
+    spoilt = recorder.step.any() or recorder.color or recorder.jitter or recorder.missed
+    if spoilt or recorder.rate < 100 or np.isfinite(plant.joint[:, J.WALL]).any() or rng.random() > 0.2:
+        return recorder
+    return dataclasses.replace(
+        recorder, corner=float(np.clip(rng.uniform(15, 40), 0.06 * recorder.rate, 0.3 * recorder.rate))
     )
 
 
@@ -175,6 +193,8 @@ def table(
 ) -> dict[str, np.ndarray]:
     """The canonical columns of a run as it is recorded; names: of the joints and of the actuators."""
     reading = motion.y + run.signal.noise
+    if recorder.corner:
+        reading = filtfilt(*butter(2, recorder.corner, fs=recorder.rate), reading, axis=0)
     steps = np.where(recorder.step > 0, recorder.step, 1.0)
     reading = np.where(recorder.step > 0, np.round(reading / steps) * steps, reading)
     columns = {"time": run.signal.time + recorder.start}

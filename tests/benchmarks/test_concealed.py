@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import json
 from pathlib import Path
 from typing import Any
@@ -13,6 +14,7 @@ import pytest
 
 pytest.importorskip("numba")
 
+from benchmarks.concealed import conceal
 from benchmarks.concealed.cases import COUNTS, list_cases, make_case
 from benchmarks.concealed.dynamics import mass_and_bias, read_tree, room
 from benchmarks.concealed.evaluate import touches
@@ -112,6 +114,28 @@ def test_a_set_is_fixed_by_its_seed_and_large_enough() -> None:
     assert kinds.count("controls") >= 200
     assert len(kinds) - kinds.count("controls") >= 300
     assert set(COUNTS) == set(kinds)
+
+
+def test_positions_may_be_filtered_forth_and_back_after_they_were_recorded() -> None:
+    """Of even records with white noise one in five; nothing else of a case is drawn otherwise."""
+    model = mujoco.MjModel.from_xml_string(write_model(SYSTEMS["arm3"], 100, np.random.default_rng(0)))
+    plant, rng = read_plant(model), np.random.default_rng(1)
+    noise = np.full(3, 1e-3)
+    plain = conceal.Recorder(250, noise, 0 * noise, 0.0, 0.0, 0.0, 0.0, False, False, 0.0)
+    drawn = [conceal.filtered_after(plain, plant, rng) for _ in range(400)]
+    assert 0.12 < np.mean([recorder.corner > 0.0 for recorder in drawn]) < 0.28
+    found = next(recorder for recorder in drawn if recorder.corner)
+    assert found.concealments == ["filtered noise"]
+    for spoilt in ({"jitter": 0.1}, {"missed": 0.01}, {"color": 0.5}, {"step": noise}, {"rate": 50}):
+        recorder = dataclasses.replace(plain, **spoilt)
+        assert all(conceal.filtered_after(recorder, plant, rng) is recorder for _ in range(40))
+    time = np.arange(4000) / 250
+    still = np.zeros((4000, 3))
+    signal = open_loop(time, still, 3)._replace(noise=1e-3 * np.random.default_rng(2).normal(size=(4000, 3)))
+    run = conceal.Run(signal, still[0], still[0])
+    columns = conceal.table(run, Motion(still, still, still, still), found, (("a", "b", "c"), ("x", "y", "z")), rng)
+    assert np.std(columns["qpos.a"]) == pytest.approx(found.deviation[0], rel=0.1)
+    assert found.deviation[0] < 0.7 * noise[0]
 
 
 @pytest.fixture(scope="module")
