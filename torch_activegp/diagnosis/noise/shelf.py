@@ -18,9 +18,9 @@ _LEVEL = 5
 """Bins that must be level, below the corner."""
 _BELOW = 0.7
 """Part of the corner up to which the filter lets nearly all pass."""
-_CLOSE = 0.13
-"""Root mean square of the decimal logarithm by which a spectrum may be off: 0.06 to 0.12 behind filters, as few or many
-windows there are, and 0.2 and more where motion is in it."""
+_CLOSE = 0.17
+"""Root mean square of the decimal logarithm by which a spectrum may be off: 0.06 to 0.12 behind filters, 0.15 of
+five runs of 6 s at 100 Hz, and 0.2 to 0.5 where motion is in the lowest bins."""
 _SLOPE = 1.0
 """Power of the frequency with which the level part may fall; motion falls with the fourth."""
 _DEEP = 2.0
