@@ -21,7 +21,7 @@ from torch_activegp.experiments.output import write_json
 from torch_activegp.experiments.recorded import fitted_by_mistake, load_apart
 from torch_activegp.experiments.workers import one_thread
 from torch_activegp.report import write_report
-from torch_activegp.report.numbers import MISSING, estimate, is_number, number, percent
+from torch_activegp.report.numbers import MISSING, estimate, is_number, number, percent, unit_text
 from torch_activegp.report.words import listed
 
 if TYPE_CHECKING:
@@ -226,8 +226,7 @@ def _effects(effects: Sequence[Values]) -> Table:
 
 def _parameter(name: str, found: Values) -> str:
     text, ends = estimate(found["value"], found.get("ci95"))
-    unit = found.get("unit") or ""
-    words = [name, text, "" if unit == "1" else unit, "" if ends == MISSING else f"({ends})"]
+    words = [name, text, unit_text(found.get("unit")), "" if ends == MISSING else f"({ends})"]
     return " ".join(word for word in words if word)
 
 

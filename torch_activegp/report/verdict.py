@@ -11,7 +11,7 @@ from torch_activegp.report.words import belief, counted, explained
 
 _RARE = 0.01
 """Part of all repeats below which what is left is not called what noise leaves: of 9 controls by another integrator
-five were at 1e-20 and below, and the others at 0.09 and above."""
+five were at 1e-20 and below, and all but one of the others at 0.09 and above."""
 _LOUD = 1.5
 """Times the noise from which on more than a little is left, as in the sentence."""
 BADGES = {

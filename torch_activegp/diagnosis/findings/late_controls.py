@@ -11,8 +11,8 @@ from torch_activegp.diagnosis.selection.explain import Explanation
 
 _BETTER = 0.5
 """Part of what is left otherwise that controls a row earlier may leave to be doubted: a machine does not act before it
-is told to, so nothing on the list looks like that. On two arms a row earlier left 6 for 48 and 1.0 for 190 times the
-noise, and where the log was right 3 to 30 times as much as it did."""
+is told to, so nothing on the list looks like that. On an arm of two joints a row earlier left 6 for 48 times the
+noise."""
 _TOLD = 3
 """So many columns are written out."""
 

@@ -24,8 +24,8 @@ WORSE, SEEN = 1.03, 1.2
 sets never did. A friction that grows with the load was a damping, a gain and a dead zone, with 1.19 of the error and
 2.7 of the noise in free runs; a pocket of negative damping was a cogging, with 1.07 and 1.4 after one step."""
 MUCH_LEFT = 100.0
-"""Times the noise, in chi2 per degree of freedom, that names may leave where a column is doubted: right ones of a real
-pendulum left 20 of a noise of 0.02 mrad, wrong ones beside two controls in another unit 640000."""
+"""Times the noise, in chi2 per degree of freedom, that names may leave where a column is doubted: the best ones of a
+real pendulum left 20 of a noise of 0.02 mrad, wrong ones beside two controls in another unit 640000."""
 _NUDGE, _GROWS, _BEGINS = 1e-5, 100.0, 4
 """Where so small a change of the state grows so much, from one of so many begins, no simulator forecasts the run, and
 it tells nothing."""
