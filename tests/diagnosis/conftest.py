@@ -163,11 +163,11 @@ def channels(record: Callable[..., Recording]) -> Channels:
 
 @pytest.fixture(scope="session")
 def make_plain_run() -> Callable[..., Run]:
-    """Makes a run of one channel from positions alone, at 100 Hz, every row recorded unless said."""
+    """Makes a run from positions alone, at 100 Hz, every row recorded unless said."""
 
     def make(position: np.ndarray, recorded: np.ndarray | None = None, noise: float = NOISE, label: str = "r") -> Run:
         rows = len(position)
-        column = np.asarray(position, dtype=float)[:, None]
+        column = np.asarray(position, dtype=float).reshape(rows, -1)
         return Run(
             label,
             np.arange(rows) / RATE,
@@ -177,7 +177,7 @@ def make_plain_run() -> Callable[..., Run]:
             column,
             np.zeros((rows - 1, 1)),
             np.zeros((rows - 1, 1)),
-            np.array([noise]),
+            np.full(column.shape[1], noise),
         )
 
     return make

@@ -7,7 +7,7 @@ import pytest
 from scipy import signal
 
 from torch_activegp.diagnosis.noise.floor import hides_filters, noise_floor, steep_filter
-from torch_activegp.diagnosis.noise.shelf import shelf
+from torch_activegp.diagnosis.noise.shelf import Shelf, shelf, shelf_behind
 
 RATE, LOUD = 250.0, 7e-4
 
@@ -61,3 +61,36 @@ def test_the_floor_is_the_level_behind_the_filter(make_plain_run, rate: float, c
     assert floor.scale[0] == pytest.approx(noise.std(), rel=0.15)
     assert not floor.colour.any()
     assert not hides_filters([run], 0)
+
+
+def swift(rows: int = 16000) -> tuple[np.ndarray, np.ndarray]:
+    """A mass under forces up to 12 Hz and white noise, behind a Butterworth filter of 18 Hz; and its noise alone."""
+    rng = np.random.default_rng(1)
+    force = signal.filtfilt(*signal.butter(4, 12.0, fs=RATE), rng.normal(size=rows))
+    motion = signal.lfilter([1e-4], [1.0, -1.98, 0.981], force)
+    noise = LOUD * rng.normal(size=rows)
+    passed = signal.filtfilt(*signal.butter(2, 18.0, fs=RATE), np.stack([motion + noise, noise]))
+    return np.asarray(passed[:, 200:])
+
+
+def test_a_filter_counts_for_the_joint_whose_motion_hides_it(make_plain_run) -> None:
+    """Alone its noise would be a tenth of what it is."""
+    hidden, noise = swift()
+    plain, own = filtered(2, 18.0, True, 16000)
+    time = np.arange(len(hidden)) / RATE
+    alone = dataclasses.replace(make_plain_run(hidden, noise=1e-6), time=time)
+    runs = [dataclasses.replace(make_plain_run(np.stack([hidden, plain], axis=1), noise=1e-6), time=time)]
+    assert steep_filter([alone], 0) is None
+    floor = noise_floor(runs)
+    assert floor.scale == pytest.approx([noise.std(), own.std()], rel=0.25)
+    assert not hides_filters(runs, 0)
+    assert steep_filter(runs, 0).corner == steep_filter(runs, 1).corner
+
+
+def test_a_joint_without_the_filter_of_another_has_none() -> None:
+    rng = np.random.default_rng(0)
+    mass = signal.lfilter([1.0], [1.0, -1.98, 0.981], rng.normal(size=20000))
+    known = Shelf(0.1, LOUD, (2, 2))
+    assert shelf_behind(*spectrum(mass), known) is None
+    assert shelf_behind(*spectrum(mass + rng.normal(size=20000)), known) is None
+    assert shelf_behind(*spectrum(filtered(2, 25.0, True)[0]), known) is not None

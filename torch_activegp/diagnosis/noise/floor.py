@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
+from functools import partial
 from typing import NamedTuple
 
 import numpy as np
@@ -17,7 +18,7 @@ from torch_activegp.diagnosis.noise.model import (
     spectrum,
 )
 from torch_activegp.diagnosis.noise.periods import noise_from_periods
-from torch_activegp.diagnosis.noise.shelf import LOWEST, Shelf, shelf
+from torch_activegp.diagnosis.noise.shelf import LOWEST, Shelf, shelf, shelf_behind
 
 _WINDOW = 128
 _BIN = 1.0
@@ -87,17 +88,37 @@ def moves_quickly(runs: Sequence[Run], channel: int) -> bool:
 
 
 def steep_filter(runs: Sequence[Run], channel: int) -> Shelf | None:
-    """The filter that took so much from the end of the spectrum that what is left looks like motion; else None."""
+    """The filter that took so much from the end of the spectrum that what is left looks like motion; else None.
+
+    Where the motion hides that the noise is level, that of another joint is tried, for joints are filtered alike.
+    """
+    if not _may_be_steep(runs, channel):
+        return None
+    own = partial(shelf, lowest=LOWEST * median_step(runs))
+    found = _steep(runs, channel, own)
+    if found is not None:
+        return found
+    others = [c for c in range(runs[0].position.shape[1]) if c != channel and _may_be_steep(runs, c)]
+    siblings = (_steep(runs, other, own) for other in others)
+    behind = (_steep(runs, channel, partial(shelf_behind, known=known)) for known in siblings if known is not None)
+    return next((one for one in behind if one is not None), None)
+
+
+def _may_be_steep(runs: Sequence[Run], channel: int) -> bool:
+    """Whether a channel is no video, repeats nothing, and its spectrum goes on like motion to the end."""
     if any(run.video for run in runs) or noise_from_periods(runs, channel) is not None:
-        return None
+        return False
     band = _above_motion(runs, channel)
-    if _lowest(runs) > _NARROW or (band is not None and not band.moves):
-        return None
+    return _lowest(runs) <= _NARROW and (band is None or band.moves)
+
+
+def _steep(runs: Sequence[Run], channel: int, seek: Callable[[Array, Array], Shelf | None]) -> Shelf | None:
+    """What is found in the spectrum of a channel, in bins as narrow as the runs allow first."""
     step = median_step(runs)
     fine = _WINDOW * 2 ** max(round(np.log2(_BIN**-1 / (_WINDOW * step))), 0)
     while fine >= _WINDOW:
         seen = _spectra(runs, channel, fine)
-        found = None if seen is None else shelf(*seen[:2], LOWEST * step)
+        found = None if seen is None else seek(*seen[:2])
         if found is not None:
             return found
         fine //= 2

@@ -21,6 +21,8 @@ _BELOW = 0.7
 _CLOSE = 0.17
 """Root mean square of the decimal logarithm by which a spectrum may be off: 0.06 to 0.12 behind filters, 0.15 of
 five runs of 6 s at 100 Hz, and 0.2 to 0.5 where motion is in the lowest bins."""
+_AS_CLOSE = 0.25
+"""The same of a filter as another joint showed it; fitted anew, its corner and the level hide each other."""
 _SLOPE = 1.0
 """Power of the frequency with which the level part may fall; motion falls with the fourth."""
 _DEEP = 2.0
@@ -35,10 +37,12 @@ class Shelf(NamedTuple):
     Args:
         corner: of the filter, in parts of the sampling rate.
         scale: standard deviation of the noise, rad or m.
+        order: of the filter, and how often it was run.
     """
 
     corner: float
     scale: float
+    order: tuple[int, int] = (2, 1)
 
     @property
     def rows(self) -> int:
@@ -63,8 +67,7 @@ def shelf(frequency: Array, power: Array, lowest: float = 0.0) -> Shelf | None:
         The shelf that goes on down to the lowest frequency; None where there is none, or none that is seen: at least
         five bins must be level below 0.7 of its corner.
     """
-    told = power > _ABOVE_REST * power[-_LEVEL:].mean()
-    end = len(told) if told.all() else int(np.argmin(told))
+    end = _told(power)
     filters = [*itertools.product(_ORDERS, _CORNERS[_CORNERS >= lowest])]
     passed = np.array([np.log10(_passed(frequency[:end], *one)) for one in filters])
     for first in range(max(end - 2 * _LEVEL, 0)):
@@ -75,9 +78,44 @@ def shelf(frequency: Array, power: Array, lowest: float = 0.0) -> Shelf | None:
         order, corner = filters[best]
         level = float(apart[best].mean())
         if misfits[best] < _CLOSE and _is_level(f, apart[best], corner) and p.min() < level - _DEEP:
-            even = np.linspace(0.0, 0.5, 513)[1:-1]
-            return Shelf(float(corner), float(np.sqrt(0.5 * 10.0**level * np.mean(_passed(even, order, corner)))))
+            return _shelf(order, float(corner), level)
     return None
+
+
+def shelf_behind(frequency: Array, power: Array, known: Shelf) -> Shelf | None:
+    """The level of noise behind a filter that is known, from a sibling's channel, where motion hides that it is level.
+
+    A joint that moves up to the corner of its filter leaves nothing level to see it by. Joints are filtered alike; if
+    so, the spectrum is that filter's from where the motion ends.
+
+    Args:
+        frequency: of some bins, in parts of the sampling rate, rising, ``(F,)``.
+        power: one-sided density at unit sampling rate, ``(F,)``.
+        known: the filter of another joint.
+
+    Returns:
+        The same filter with the level of this noise; None where less than twice five bins, or than two decades, are
+        like it.
+    """
+    end = _told(power)
+    apart = np.log10(power[:end]) - np.log10(_passed(frequency[:end], known.order, known.corner))
+    for first in range(max(end - 2 * _LEVEL, 0)):
+        rest, tail = apart[first:], np.log10(power[first:end])
+        if rest.std() < _AS_CLOSE and tail.max() - tail.min() > _DEEP:
+            return _shelf(known.order, known.corner, float(rest.mean()))
+    return None
+
+
+def _told(power: Array) -> int:
+    """Bins before the first that says nothing."""
+    told = power > _ABOVE_REST * power[-_LEVEL:].mean()
+    return len(told) if told.all() else int(np.argmin(told))
+
+
+def _shelf(order: tuple[int, int], corner: float, level: float) -> Shelf:
+    """The shelf of a level, as the decimal logarithm of a density."""
+    even = np.linspace(0.0, 0.5, 513)[1:-1]
+    return Shelf(corner, float(np.sqrt(0.5 * 10.0**level * np.mean(_passed(even, order, corner)))), order)
 
 
 def _passed(f: Array, order: tuple[int, int], corner: float) -> Array:
