@@ -8,10 +8,12 @@ from torch_activegp.physics.rotor import Motion, carried
 INERTIA, DT = 0.5, 0.01
 
 
-def follow(motion: Motion, torque: np.ndarray, half: float = 0.1, begun: np.ndarray | None = None) -> tuple:
+def follow(
+    motion: Motion, torque: np.ndarray, half: float = 0.1, begun: np.ndarray | None = None, centred: bool = False
+) -> tuple:
     """Offset, speed and side of one rotor."""
     begun = np.ones(len(torque), dtype=bool) if begun is None else begun
-    found = carried(motion, torque[None], begun[None], INERTIA, np.array([half]), DT / 8)
+    found = carried(motion, torque[None], begun[None], INERTIA, np.array([half]), DT / 8, np.array([centred]))
     return tuple(float(each[0]) for each in found)
 
 
@@ -22,6 +24,14 @@ def at_rest(rows: int) -> Motion:
 def test_it_stays_where_it_pushes() -> None:
     assert follow(at_rest(30), np.full(30, 2.0)) == (0.1, 0.0, 1.0)
     assert follow(at_rest(30), np.full(30, -2.0)) == (-0.1, 0.0, -1.0)
+
+
+def test_from_the_middle_it_flies_through_half_the_gap() -> None:
+    off, speed, side = follow(at_rest(10), np.full(10, 0.5), centred=True)
+    assert side == 0.0
+    assert off == pytest.approx(0.5 * (0.5 / INERTIA) * (10 * DT) ** 2, rel=0.02)
+    assert speed == pytest.approx(0.5 / INERTIA * 10 * DT)
+    assert follow(at_rest(60), np.full(60, 0.5), centred=True) == (0.1, 0.0, 1.0)
 
 
 def test_it_flies_through_the_gap_and_lands() -> None:

@@ -19,7 +19,7 @@ _LIGHTEST, _LEAST = 0.01, 1e-9
 _NO_GAP = 1e-5
 """Part of the joint's range that is no gap: a fiftieth of the smallest one that a search begins from."""
 _SPAN = 2
-_BACK, _FINE = 0.3, 2.5e-3
+_BACK, _FINE = 2.0, 2.5e-3
 """How long a rotor is carried along a recording before a simulation, and in about what steps, s."""
 _SOFTEST, _SOFT, _STIFFEST = 15.0, 80.0, 600.0
 """Natural frequencies of a rotor on the ends of a gap, rad/s: least, first guess, most."""
@@ -43,6 +43,8 @@ class Backlash(Effect):
         armature: the part of it that the model has already.
         drives: control, force for one unit of it, force without it, and largest force, for each motor on the joint.
         dt: time between the rows of a recording, s.
+        centred: whether the rotor begins a recording in the middle of the gap, at the speed of the joint; else on the
+            side where it must push to keep up.
 
     Reference: Stewart and Trinkle 1996, time stepping with contact at the level of velocities.
     """
@@ -53,6 +55,7 @@ class Backlash(Effect):
     armature: float = 1.0
     drives: tuple[tuple[int, float, float, float], ...] = ()
     dt: float = 0.01
+    centred: bool = True
 
     name = "backlash"
     never_negative = frozenset({"gap"})
@@ -108,8 +111,8 @@ class Backlash(Effect):
         """The rotor: position, speed, speed without contact, speed against the joint, side, time step.
 
         The first step finds in their place the joint's acceleration, and where the rotor is against the joint, how
-        fast, and on which side: carried along the recording for a while before, where there is any. Else it is put to
-        the side where it must push to keep up with the acceleration.
+        fast, and on which side: carried along the recording for a while before, where there is any. Where there is
+        none, the last three are no numbers if it begins on the side where it must push to keep up with the joint.
         """
         every = max(int(_FINE / self.dt), 1)
         back = min(int(np.ceil(_BACK / (every * self.dt))), int(starts[:, 1].max()) // every) if past is not None else 0
@@ -118,12 +121,18 @@ class Backlash(Effect):
         motion = Motion.along(positions, even if past is None else past.time, _SPAN).at(starts[:, 0], rows)
         memory = np.full((len(starts), 6), np.nan)
         memory[:, 0] = motion.acceleration[:, -1]
+        if self.centred:
+            memory[:, 1:4] = 0.0
         if past is not None and back:
             control = past.control(back * every).reshape(len(starts), back, every, -1).mean(axis=2)
-            begun = rows[:, :-1] >= 0
-            found = carried(motion, self._torque(control), begun, self.rotor, 0.5 * values[:, 0], _FINE)
+            torque, begun = self._torque(control), rows[:, :-1] >= 0
+            alike = np.column_stack([starts, values[:, 0], torque])  # most differ in their initial states alone
+            _, one, of = np.unique(alike, axis=0, return_index=True, return_inverse=True)
+            motion = Motion(*(each[one] for each in motion))
+            first = self.centred & (rows[one, 0] <= 0)
+            found = carried(motion, torque[one], begun[one], self.rotor, 0.5 * values[one, 0], _FINE, first)
             for column, state in zip((1, 2, 3), found, strict=True):
-                memory[:, column] = np.where(begun.any(axis=1), state, np.nan)
+                memory[:, column] = np.where(begun.any(axis=1), state[of], memory[:, column])
         return memory
 
     def before_step(self, step: Step, rows: Index, values: Array, memory: Array | None) -> None:
@@ -161,6 +170,16 @@ class Backlash(Effect):
     def _torque(self, ctrl: Array) -> Array:
         forces = [np.clip(factor * ctrl[..., i] + bias, -most, most) for i, factor, bias, most in self.drives]
         return np.sum(forces, axis=0)
+
+
+@dataclasses.dataclass(frozen=True, eq=False)
+class RestingBacklash(Backlash):
+    """The same with a rotor that begins a recording on the side where it must push to keep up with the joint."""
+
+    @classmethod
+    def at(cls, place: Place, model: mujoco.MjModel) -> Self:
+        """Makes the effect for a joint that :meth:`fits`."""
+        return dataclasses.replace(super().at(place, model), variant="resting", stands_in=True, centred=False)
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
@@ -230,5 +249,5 @@ def _constant_bias(model: mujoco.MjModel) -> NDArray[np.bool_]:
     return np.asarray(affine & ~model.actuator_biasprm[:, 1:3].any(axis=1))
 
 
-BACKLASH: tuple[type[Backlash], ...] = (Backlash, SpringyBacklash)
+BACKLASH: tuple[type[Backlash], ...] = (Backlash, RestingBacklash, SpringyBacklash)
 """The family, on joints with a motor."""

@@ -56,13 +56,19 @@ class Motion(NamedTuple):
 
 
 def carried(
-    motion: Motion, torque: Array, begun: NDArray[np.bool_], inertia: float, half: Array, longest: float
+    motion: Motion,
+    torque: Array,
+    begun: NDArray[np.bool_],
+    inertia: float,
+    half: Array,
+    longest: float,
+    centred: NDArray[np.bool_],
 ) -> tuple[Array, Array, Array]:
     """Where a rotor is in the end: against its joint, how fast against it, and on which side it touches, ``(n,)`` each.
 
-    It begins on the side on which it must push to keep up with the joint. From there on it flies freely, or moves with
-    the joint as long as it would not have to pull; where it touches it stays. So each touch makes good what was wrong
-    until then.
+    It begins in the middle of the gap, or on the side on which it must push to keep up with the joint. From there on it
+    flies freely, or moves with the joint as long as it would not have to pull; where it touches it stays. So each touch
+    makes good what was wrong until then.
 
     Args:
         motion: of the joint at B + 1 rows.
@@ -71,12 +77,13 @@ def carried(
         inertia: of the rotor, kg m2 or kg.
         half: half the gap, ``(n,)``, rad or m.
         longest: time step, s.
+        centred: whether it begins in the middle, ``(n,)``.
     """
     apart = np.diff(motion.time, axis=1)
     parts = max(int(np.ceil(np.median(apart[begun]) / longest)), 1) if begun.any() else 1
     first = begun.argmax(axis=1)[:, None]
     needed = inertia * np.take_along_axis(motion.acceleration, first, axis=1)[:, 0]
-    side = np.where(np.take_along_axis(torque, first, axis=1)[:, 0] < needed, -1.0, 1.0)
+    side = np.where(np.take_along_axis(torque, first, axis=1)[:, 0] < needed, -1.0, 1.0) * ~centred
     place, speed = side * half, np.zeros_like(half)
     for k, part in np.ndindex(torque.shape[1], parts):
         here, there = (motion.between(k, x / parts) for x in (part, part + 1))
