@@ -115,25 +115,35 @@ class Backlash(Effect):
         none, the last three are no numbers if it begins on the side where it must push to keep up with the joint.
         """
         every = max(int(_FINE / self.dt), 1)
-        back = min(int(np.ceil(_BACK / (every * self.dt))), int(starts[:, 1].max()) // every) if past is not None else 0
-        rows = starts[:, 1:] + every * np.arange(-back, 1)
         even = np.broadcast_to(self.dt * np.arange(positions.shape[1]), positions.shape)
-        motion = Motion.along(positions, even if past is None else past.time, _SPAN).at(starts[:, 0], rows)
+        motion = Motion.along(positions, even if past is None else past.time, _SPAN)
         memory = np.full((len(starts), 6), np.nan)
-        memory[:, 0] = motion.acceleration[:, -1]
+        memory[:, 0] = motion.acceleration[starts[:, 0], np.minimum(starts[:, 1], positions.shape[1] - 1)]
         if self.centred:
             memory[:, 1:4] = 0.0
+        back = min(int(np.ceil(_BACK / (every * self.dt))), int(starts[:, 1].max()) // every)
         if past is not None and back:
-            control = past.control(back * every).reshape(len(starts), back, every, -1).mean(axis=2)
-            torque, begun = self._torque(control), rows[:, :-1] >= 0
-            alike = np.column_stack([starts, values[:, 0], torque])  # most differ in their initial states alone
+            torque = self._torque(past.control(back * every).reshape(len(starts), back, every, -1).mean(axis=2))
+            told = (torque * np.sqrt(np.arange(1.0, back + 1.0))).sum(axis=1)  # most differ in initial states alone
+            alike = np.column_stack([starts, values[:, 0], told])
             _, one, of = np.unique(alike, axis=0, return_index=True, return_inverse=True)
-            motion = Motion(*(each[one] for each in motion))
-            first = self.centred & (rows[one, 0] <= 0)
-            found = carried(motion, torque[one], begun[one], self.rotor, 0.5 * values[one, 0], _FINE, first)
-            for column, state in zip((1, 2, 3), found, strict=True):
-                memory[:, column] = np.where(begun.any(axis=1), state[of], memory[:, column])
+            rows = starts[one, 1:] + every * np.arange(-back, 1)
+            memory[:, 1:4] = self._carried(motion.at(starts[one, 0], rows), rows, torque[one], values[one, 0])[of]
         return memory
+
+    def _carried(self, before: Motion, rows: Array, torque: Array, gap: Array) -> Array:
+        """Where rotors are against their joints, how fast, and on which side, ``(n, 3)``.
+
+        Args:
+            before: the joint's motion.
+            rows: at these of a recording, ``(n, B + 1)``; it has not begun at those below zero.
+            torque: between them, ``(n, B)``.
+            gap: ``(n,)``.
+        """
+        begun = np.asarray(rows[:, :-1] >= 0)
+        centred = np.asarray(rows[:, 0] <= 0) & self.centred
+        found = np.stack(carried(before, torque, begun, self.rotor, 0.5 * gap, _FINE, centred), axis=1)
+        return np.where(begun.any(axis=1)[:, None], found, 0.0 if self.centred else np.nan)
 
     def before_step(self, step: Step, rows: Index, values: Array, memory: Array | None) -> None:
         """Moves the rotor to the start of the step, finds whether it touches, and exchanges force."""

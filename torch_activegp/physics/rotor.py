@@ -45,9 +45,12 @@ class Motion(NamedTuple):
         padded = (np.pad(each, ((0, 0), (n, n)), mode="edge") for each, n in ((velocity, 1), (bent, span)))
         return cls(time, positions, *padded)
 
-    def between(self, row: int, part: float) -> Motion:
-        """At a part of the time from a row to the next, ``(n,)`` each."""
-        return Motion(*((1.0 - part) * each[:, row] + part * each[:, row + 1] for each in self))
+    def finer(self, parts: int) -> Motion:
+        """At B parts + 1 instants, so many to a row, on a line from row to row."""
+        share = np.arange(parts) / parts
+        lines = (each[:, :-1, None] + share * np.diff(each, axis=1)[:, :, None] for each in self)
+        flat = (line.reshape(len(line), -1) for line in lines)
+        return Motion(*(np.concatenate([line, each[:, -1:]], axis=1) for line, each in zip(flat, self, strict=True)))
 
     def at(self, run: NDArray[Any], rows: NDArray[Any]) -> Motion:
         """In some rows ``(n, B + 1)`` of some runs ``(n,)``; at the ends of a run where there is no such row."""
@@ -85,18 +88,19 @@ def carried(
     needed = inertia * np.take_along_axis(motion.acceleration, first, axis=1)[:, 0]
     side = np.where(np.take_along_axis(torque, first, axis=1)[:, 0] < needed, -1.0, 1.0) * ~centred
     place, speed = side * half, np.zeros_like(half)
-    for k, part in np.ndindex(torque.shape[1], parts):
-        here, there = (motion.between(k, x / parts) for x in (part, part + 1))
-        step, push = apart[:, k] / parts, torque[:, k]
-        held = (side != 0.0) & (side * (push - inertia * here.acceleration) >= 0.0)
-        own = here.velocity + speed  # no speed against the joint where it touched
-        off = here.position + place + step * own + 0.5 * step**2 * push / inertia - there.position
-        touches = held | (np.abs(off) >= half)
-        now = np.where(held, side, np.where(touches, np.sign(off), 0.0))
-        moved = begun[:, k]
-        side = np.where(moved, now, side)
-        place = np.where(moved, np.where(touches, now * half, off), place)
-        speed = np.where(moved, np.where(touches, 0.0, own + step * push / inertia - there.velocity), speed)
+    # what each step adds to offset and speed against the joint where it flies, and what pushes it where it touches
+    fine, moved = motion.finer(parts), np.repeat(begun, parts, axis=1)
+    push, step = np.repeat(torque, parts, axis=1), np.diff(fine.time, axis=1)
+    faster = step * push / inertia
+    off = np.where(moved, step * (fine.velocity[:, :-1] + 0.5 * faster) - np.diff(fine.position, axis=1), 0.0)
+    faster = np.where(moved, faster - np.diff(fine.velocity, axis=1), 0.0)
+    pushed = np.where(moved, push - inertia * fine.acceleration[:, :-1], side[:, None])
+    for each, now_off, now_faster, now_pushed in zip(step.T, off.T, faster.T, pushed.T, strict=True):
+        held = (side != 0.0) & (side * now_pushed >= 0.0)
+        free = place + each * speed + now_off
+        side = np.where(held, side, np.sign(free) * (np.abs(free) >= half))
+        place = np.where(side != 0.0, side * half, free)
+        speed = np.where(side != 0.0, 0.0, speed + now_faster)
     return place, speed, side
 
 
