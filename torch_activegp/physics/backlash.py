@@ -140,10 +140,10 @@ class Backlash(Effect):
             torque: between them, ``(n, B)``.
             gap: ``(n,)``.
         """
-        begun = np.asarray(rows[:, :-1] >= 0)
-        centred = np.asarray(rows[:, 0] <= 0) & self.centred
+        begun = rows[:, :-1] >= 0
+        centred = (rows[:, 0] <= 0) & self.centred
         found = np.stack(carried(before, torque, begun, self.rotor, 0.5 * gap, _FINE, centred), axis=1)
-        return np.where(begun.any(axis=1)[:, None], found, 0.0 if self.centred else np.nan)
+        return np.where(begun.any(axis=1, keepdims=True), found, 0.0 if self.centred else np.nan)
 
     def before_step(self, step: Step, rows: Index, values: Array, memory: Array | None) -> None:
         """Moves the rotor to the start of the step, finds whether it touches, and exchanges force."""
