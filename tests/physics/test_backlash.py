@@ -8,7 +8,13 @@ import numpy as np
 import pytest
 
 from torch_activegp.physics import Place, Step
-from torch_activegp.physics.backlash import Backlash, RestingBacklash, SpringyBacklash
+from torch_activegp.physics.backlash import (
+    Backlash,
+    DampedBacklash,
+    RestingBacklash,
+    SpringyBacklash,
+    SpringyDampedBacklash,
+)
 from torch_activegp.physics.rotor import Past
 
 JOINT = Place("joint:load", 0, position=(-1.0, 1.0))
@@ -24,7 +30,9 @@ def nominal(step: float, gravity: float = 0.0, armature: float = ROTOR) -> str:
     return WITH_PLAY.format(step=step, gravity=gravity, armature=armature, rotor="", gap="", driven="load")
 
 
-def two_masses(bench: Any, gap: float, step: float, gravity: float, control: np.ndarray, begin: float) -> np.ndarray:
+def two_masses(
+    bench: Any, gap: float, step: float, gravity: float, control: np.ndarray, begin: float, damped: bool = False
+) -> np.ndarray:
     """The load's position with the rotor as a body of its own, whose angle to the load has limits."""
     xml = WITH_PLAY.format(
         step=step,
@@ -35,8 +43,14 @@ def two_masses(bench: Any, gap: float, step: float, gravity: float, control: np.
         'solimplimit=".99 .999 .0001"><joint joint="rotor" coef="1"/><joint joint="load" coef="-1"/></fixed></tendon>',
         driven="rotor",
     )
+    xml = with_damped_rotor(xml) if damped else xml
     machine = dataclasses.replace(bench, xml=xml, start=(0.0, begin), control=control)
     return np.asarray(machine.nominal()[:, 0])
+
+
+def with_damped_rotor(xml: str) -> str:
+    """The load's damping on the rotor instead."""
+    return xml.replace(' damping=".03"', "").replace('joint name="rotor"', 'joint name="rotor" damping=".03"')
 
 
 def swings(step: float) -> np.ndarray:
@@ -45,8 +59,17 @@ def swings(step: float) -> np.ndarray:
 
 
 @pytest.mark.parametrize("gravity", [0.0, -9.81])
-@pytest.mark.parametrize("gap", [0.03, 0.15])
-@pytest.mark.parametrize(("kind", "begin"), [(Backlash, 0.0), (RestingBacklash, 0.5)])
+@pytest.mark.parametrize(
+    ("kind", "begin", "gap"),
+    [
+        (Backlash, 0.0, 0.03),
+        (Backlash, 0.0, 0.15),
+        (RestingBacklash, 0.5, 0.03),
+        (RestingBacklash, 0.5, 0.15),
+        (DampedBacklash, 0.0, 0.03),
+        (DampedBacklash, 0.0, 0.06),  # in wider gaps the stops of MuJoCo let the rotor bounce
+    ],
+)
 def test_backlash_is_a_rotor_between_two_stops(
     bench: Any, gap: float, gravity: float, kind: type[Backlash], begin: float
 ) -> None:
@@ -54,7 +77,8 @@ def test_backlash_is_a_rotor_between_two_stops(
     effect = kind.at(JOINT, machine.model)
     after, before = machine.hooks(effect, [gap])[:, 0], machine.nominal()[:, 0]
     fine = dataclasses.replace(machine, xml=nominal(1e-4, gravity), control=np.repeat(machine.control, 10, axis=0))
-    wanted = two_masses(bench, gap, 1e-4, gravity, fine.control, begin * gap)[9::10] - fine.nominal()[9::10, 0]
+    moved = two_masses(bench, gap, 1e-4, gravity, fine.control, begin * gap, kind is DampedBacklash)[9::10]
+    wanted = moved - fine.nominal()[9::10, 0]
     close = 0.05 if begin else 0.08  # what flies at first strikes a stop that gives way a little
     assert np.abs(after - before - wanted).max() < close * np.abs(wanted).max()
 
@@ -164,11 +188,11 @@ def test_a_failed_simulation_leaves_its_neighbour_alone(bench: Any) -> None:
     assert fields["dof_armature"][0, 0] == 0.0  # held from the first step on
 
 
-def with_springs(gap: float, stiffness: float, damping: float, control: np.ndarray) -> np.ndarray:
+def with_springs(gap: float, stiffness: float, damping: float, control: np.ndarray, damped: bool = False) -> np.ndarray:
     """The load's position with the rotor as a body of its own, and the ends of the gap by hand in steps of 0.1 ms."""
     rotor = f'<body><joint name="rotor" axis="0 1 0" armature="{ROTOR}"/><geom size=".001" mass="1e-6"/></body>'
     xml = WITH_PLAY.format(step=1e-4, gravity=0.0, armature=0, rotor=rotor, gap="", driven="rotor")
-    model = mujoco.MjModel.from_xml_string(xml)
+    model = mujoco.MjModel.from_xml_string(with_damped_rotor(xml) if damped else xml)
     data = mujoco.MjData(model)
     seen = []
     for row in control:
@@ -183,13 +207,19 @@ def with_springs(gap: float, stiffness: float, damping: float, control: np.ndarr
     return np.array(seen)
 
 
-@pytest.mark.parametrize(("frequency", "damped"), [(40.0, 1.0), (80.0, 0.3)])
-def test_ends_that_give_way_are_springs_and_dampers(bench: Any, frequency: float, damped: float) -> None:
+@pytest.mark.parametrize(
+    ("frequency", "damped", "kind"),
+    [(40.0, 1.0, SpringyBacklash), (80.0, 0.3, SpringyBacklash), (40.0, 1.0, SpringyDampedBacklash)],
+)
+def test_ends_that_give_way_are_springs_and_dampers(
+    bench: Any, frequency: float, damped: float, kind: type[SpringyBacklash]
+) -> None:
     machine = dataclasses.replace(bench, xml=nominal(0.001), start=(0.0,), control=swings(0.001))
-    effect, gap = SpringyBacklash.at(JOINT, machine.model), 0.1
+    effect, gap = kind.at(JOINT, machine.model), 0.1
     stiffness, damping = ROTOR * frequency**2, 2 * damped * ROTOR * frequency
     fine = dataclasses.replace(machine, xml=nominal(1e-4), control=np.repeat(machine.control, 10, axis=0))
-    wanted = with_springs(gap, stiffness, damping, machine.control) - fine.nominal()[9::10, 0]
+    moved = with_springs(gap, stiffness, damping, machine.control, kind is SpringyDampedBacklash)
+    wanted = moved - fine.nominal()[9::10, 0]
     before = machine.nominal()[:, 0]
     found = machine.hooks(effect, [gap, stiffness, damping])[:, 0] - before
     firm = machine.hooks(Backlash.at(JOINT, machine.model), [gap])[:, 0] - before

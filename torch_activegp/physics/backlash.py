@@ -41,6 +41,7 @@ class Backlash(Effect):
         qpos: address of the position.
         rotor: inertia of the rotor, kg m2 or kg.
         armature: the part of it that the model has already.
+        drag: the part of the joint's viscous damping that is the rotor's, N m s/rad or N s/m.
         drives: control, force for one unit of it, force without it, and largest force, for each motor on the joint.
         dt: time between the rows of a recording, s.
         centred: whether the rotor begins a recording in the middle of the gap, at the speed of the joint; else on the
@@ -53,6 +54,7 @@ class Backlash(Effect):
     qpos: int = 0
     rotor: float = 1.0
     armature: float = 1.0
+    drag: float = 0.0
     drives: tuple[tuple[int, float, float, float], ...] = ()
     dt: float = 0.01
     centred: bool = True
@@ -104,7 +106,7 @@ class Backlash(Effect):
 
     def edit(self, field: Callable[[str], Array], rows: Index, values: Array) -> bool:
         """Takes the rotor off the joint."""
-        add_rotor(field, rows, self.dof, np.full(len(rows), -self.armature))
+        add_rotor(field, rows, self.dof, np.full(len(rows), -self.armature), -self.drag)
         return False
 
     def memory(self, positions: Array, starts: Array, values: Array, past: Past | None = None) -> Array:
@@ -142,7 +144,7 @@ class Backlash(Effect):
         """
         begun = rows[:, :-1] >= 0
         centred = (rows[:, 0] <= 0) & self.centred
-        found = np.stack(carried(before, torque, begun, self.rotor, 0.5 * gap, _FINE, centred), axis=1)
+        found = np.stack(carried(before, torque, begun, self.rotor, 0.5 * gap, _FINE, centred, self.drag), axis=1)
         return np.where(begun.any(axis=1, keepdims=True), found, 0.0 if self.centred else np.nan)
 
     def before_step(self, step: Step, rows: Index, values: Array, memory: Array | None) -> None:
@@ -155,21 +157,25 @@ class Backlash(Effect):
             off, faster, side = self._begin(memory, torque)
             off, fast = np.where(side != 0.0, side * half, off), v + np.where(side != 0.0, 0.0, faster)
             memory[new] = np.stack([q + off, fast, fast, 0.0 * v, side, 0.0 * v], axis=1)[new]
-            add_rotor(step.field, rows[new], self.dof, self.rotor * np.abs(side[new]))
+            add_rotor(step.field, rows[new], self.dof, *self._on_joint(np.abs(side[new])))
         place, before, free, apart, side, last = memory.T
         pulled = side * (free - v - apart) < 0.0
         held = (side != 0.0) & ~pulled
         back = np.where(pulled, self.rotor * (v + apart - free) / dt, 0.0)
         speed = np.where(held, v + apart, free)
         off = np.where(held, side * half, place + 0.5 * last * (before + free) - q)
-        free = speed + dt * torque / self.rotor
+        free = speed + dt * (torque - self.drag * speed) / self.rotor
         late = step.middle * (free - v)  # a touch acts in the middle of a step, half a step too late on average
         then = off + dt * (free - v + late)
         now = np.where(held, side, np.sign(then) * (np.abs(then) >= half))
         apart = np.where(now != 0.0, (now * half - off) / dt - np.where(held, 0.0, late), 0.0)
-        add_rotor(step.field, rows, self.dof, self.rotor * (np.abs(now) - np.abs(side)))
+        add_rotor(step.field, rows, self.dof, *self._on_joint(np.abs(now) - np.abs(side)))
         step.force[rows, self.dof] += back + np.where(now != 0.0, self.rotor * (speed - v - apart) / dt, -torque)
         memory[:] = np.stack([q + off, speed, free, apart, now, dt], axis=1)
+
+    def _on_joint(self, share: Array) -> tuple[Array, Array]:
+        """Inertia and damping of a rotor that moves with the joint."""
+        return self.rotor * share, self.drag * share
 
     def _begin(self, memory: Array, torque: Array) -> tuple[Array, Array, Array]:
         """The rotor's offset from the joint, speed against it and side, before the first step."""
@@ -190,6 +196,22 @@ class RestingBacklash(Backlash):
     def at(cls, place: Place, model: mujoco.MjModel) -> Self:
         """Makes the effect for a joint that :meth:`fits`."""
         return dataclasses.replace(super().at(place, model), variant="resting", stands_in=True, centred=False)
+
+
+@dataclasses.dataclass(frozen=True, eq=False)
+class DampedBacklash(Backlash):
+    """The same where the joint's damping is that of the motor and its gears, on the rotor's side of the gap."""
+
+    @classmethod
+    def fits(cls, place: Place, model: mujoco.MjModel) -> bool:
+        """Whether the joint has viscous damping too."""
+        return super().fits(place, model) and bool(model.dof_damping[place.index] > 0.0)
+
+    @classmethod
+    def at(cls, place: Place, model: mujoco.MjModel) -> Self:
+        """Makes the effect for a joint that :meth:`fits`."""
+        drag = float(model.dof_damping[place.index])
+        return dataclasses.replace(super().at(place, model), variant="damped rotor", stands_in=True, drag=drag)
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
@@ -247,10 +269,26 @@ class SpringyBacklash(Backlash):
         side = np.sign(off) * (np.abs(off) > half)
         push = stiffness * (off - side * half) + damping * (speed - v)
         face = np.where(side * push > 0.0, push, 0.0)
-        after = speed + dt * (torque - face) / self.rotor
+        after = speed + dt * (torque - self.drag * speed - face) / self.rotor
         memory[:, 0] = place + dt * (step.middle * speed + (1.0 - step.middle) * after)
         memory[:, 1] = after
         step.force[rows, self.dof] += face - torque
+
+
+@dataclasses.dataclass(frozen=True, eq=False)
+class SpringyDampedBacklash(SpringyBacklash):
+    """The same with ends that give way, where the joint's damping is the rotor's."""
+
+    @classmethod
+    def fits(cls, place: Place, model: mujoco.MjModel) -> bool:
+        """Whether the joint has viscous damping too."""
+        return DampedBacklash.fits(place, model)
+
+    @classmethod
+    def at(cls, place: Place, model: mujoco.MjModel) -> Self:
+        """Makes the effect for a joint that :meth:`fits`."""
+        drag = float(model.dof_damping[place.index])
+        return dataclasses.replace(super().at(place, model), variant="springy, damped rotor", drag=drag)
 
 
 def _constant_bias(model: mujoco.MjModel) -> NDArray[np.bool_]:
@@ -259,5 +297,11 @@ def _constant_bias(model: mujoco.MjModel) -> NDArray[np.bool_]:
     return np.asarray(affine & ~model.actuator_biasprm[:, 1:3].any(axis=1))
 
 
-BACKLASH: tuple[type[Backlash], ...] = (Backlash, RestingBacklash, SpringyBacklash)
+BACKLASH: tuple[type[Backlash], ...] = (
+    Backlash,
+    RestingBacklash,
+    DampedBacklash,
+    SpringyBacklash,
+    SpringyDampedBacklash,
+)
 """The family, on joints with a motor."""

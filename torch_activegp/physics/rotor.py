@@ -66,6 +66,7 @@ def carried(
     half: Array,
     longest: float,
     centred: NDArray[np.bool_],
+    damping: float = 0.0,
 ) -> tuple[Array, Array, Array]:
     """Where a rotor is in the end: against its joint, how fast against it, and on which side it touches, ``(n,)`` each.
 
@@ -81,6 +82,7 @@ def carried(
         half: half the gap, ``(n,)``, rad or m.
         longest: time step, s.
         centred: whether it begins in the middle, ``(n,)``.
+        damping: of the rotor, N m s/rad or N s/m; at the speed of the joint, which its own is close to.
     """
     apart = np.diff(motion.time, axis=1)
     parts = max(int(np.ceil(np.median(apart[begun]) / longest)), 1) if begun.any() else 1
@@ -90,7 +92,7 @@ def carried(
     place, speed = side * half, np.zeros_like(half)
     # what each step adds to offset and speed against the joint where it flies, and what pushes it where it touches
     fine, moved = motion.finer(parts), np.repeat(begun, parts, axis=1)
-    push, step = np.repeat(torque, parts, axis=1), np.diff(fine.time, axis=1)
+    push, step = np.repeat(torque, parts, axis=1) - damping * fine.velocity[:, :-1], np.diff(fine.time, axis=1)
     faster = step * push / inertia
     off = np.where(moved, step * (fine.velocity[:, :-1] + 0.5 * faster) - np.diff(fine.position, axis=1), 0.0)
     faster = np.where(moved, faster - np.diff(fine.velocity, axis=1), 0.0)
@@ -104,11 +106,15 @@ def carried(
     return place, speed, side
 
 
-def add_rotor(field: Callable[[str], Array], rows: Index, dof: int, inertia: Array) -> None:
-    """Adds to the inertia of a rotor in some simulations.
+def add_rotor(
+    field: Callable[[str], Array], rows: Index, dof: int, inertia: Array, damping: Array | float = 0.0
+) -> None:
+    """Adds to the inertia and the damping of a rotor in some simulations.
 
     Where a body moves along its principal axes alone, MuJoCo takes ``dof_M0`` for the inertia and looks at
     ``dof_armature`` no more.
     """
     field("dof_armature")[rows, dof] += inertia
     field("dof_M0")[rows, dof] += inertia
+    if np.any(damping):
+        field("dof_damping")[rows, dof] += damping
