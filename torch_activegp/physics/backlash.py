@@ -169,7 +169,9 @@ class Backlash(Effect):
         then = off + dt * (free - v + late)
         now = np.where(held, side, np.sign(then) * (np.abs(then) >= half))
         apart = np.where(now != 0.0, (now * half - off) / dt - np.where(held, 0.0, late), 0.0)
-        add_rotor(step.field, rows, self.dof, *self._on_joint(np.abs(now) - np.abs(side)))
+        met = np.abs(now) - np.abs(side)
+        if met.any():
+            add_rotor(step.field, rows, self.dof, *self._on_joint(met))
         step.force[rows, self.dof] += back + np.where(now != 0.0, self.rotor * (speed - v - apart) / dt, -torque)
         memory[:] = np.stack([q + off, speed, free, apart, now, dt], axis=1)
 
