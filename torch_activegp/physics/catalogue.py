@@ -23,6 +23,7 @@ from torch_activegp.physics.play import MEMORY
 from torch_activegp.physics.sensing import SENSING, SensorEffect
 from torch_activegp.physics.soft_friction import SoftCoulombFriction
 from torch_activegp.physics.springs import POSITION_FORCES
+from torch_activegp.physics.springy_backlash import SPRINGY_BACKLASH
 
 JOINT_EFFECTS: tuple[type[Effect], ...] = (*FRICTION, *POSITION_FORCES, *MEMORY, ArmatureError)
 _BODY_EFFECTS = (PayloadMass, DensityError, CenterOfMassOffset)
@@ -31,7 +32,15 @@ _SPACE = (0, 1, 2)
 _APART = 1e-3
 """From so far on, m, a point is another one than the centre of mass."""
 _AXES = ((0,), (1,), (2,), *_PLANES)
-_LISTED: tuple[type[Effect], ...] = (*JOINT_EFFECTS, *BACKLASH, *ACTUATION, *SENSING, *_BODY_EFFECTS, GravityError)
+_LISTED: tuple[type[Effect], ...] = (
+    *JOINT_EFFECTS,
+    *BACKLASH,
+    *SPRINGY_BACKLASH,
+    *ACTUATION,
+    *SENSING,
+    *_BODY_EFFECTS,
+    GravityError,
+)
 
 
 def catalogue(
@@ -57,7 +66,7 @@ def catalogue(
         ConfigurationError: a further class is of another kind, its name is on the list already, or its ``at`` does not
             take a place and a model or returns something else.
     """
-    on_joints: tuple[type[Effect], ...] = (*JOINT_EFFECTS, SoftCoulombFriction, *BACKLASH)
+    on_joints: tuple[type[Effect], ...] = (*JOINT_EFFECTS, SoftCoulombFriction, *BACKLASH, *SPRINGY_BACKLASH)
     listed = ((joints, on_joints), (actuators, ACTUATION), (sensors, SENSING))
     pairs = ((place, kind) for places, kinds in listed for place in places for kind in kinds)
     effects: list[Effect] = [kind.at(place, model) for place, kind in pairs if kind.fits(place, model)]

@@ -66,6 +66,11 @@ class Controls:
         self._shoves = None if all(shove is None for shove in shoves) else added(zero, shoves)
         self._known: dict[tuple[int, ...], Array] = {(0,): self._all}
 
+    @property
+    def recorded(self) -> bool:
+        """Whether all simulations have the recorded controls."""
+        return self.held and self._shoves is None
+
     def states(self, own: OwnFilter) -> Array:
         """What a filter that is left to the simulation begins each segment with, ``(N * S,)``."""
         before = own.states(self._all, self._dt)

@@ -12,12 +12,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from torch_activegp.diagnosis.inputs.own_filters import own_filters, without_filters
-from torch_activegp.diagnosis.inputs.runs import Array, Channels, Run, median_step, smoothed
+from torch_activegp.diagnosis.inputs.runs import Array, Channels, Run, median_step
 from torch_activegp.diagnosis.inputs.segments import Segments
 from torch_activegp.diagnosis.simulation.candidate import Candidate, grouped
 from torch_activegp.diagnosis.simulation.controls import Controls, Inputs
 from torch_activegp.diagnosis.simulation.hermite import fill_rows
 from torch_activegp.diagnosis.simulation.leapfrog import halve_damping
+from torch_activegp.diagnosis.simulation.memories import Memories
 from torch_activegp.diagnosis.simulation.prescribed_motion import RUNGE_KUTTA, PrescribedMotion, make_heavy
 from torch_activegp.diagnosis.simulation.readings import readings
 from torch_activegp.diagnosis.simulation.stepping import Act, Stepping
@@ -86,6 +87,7 @@ class Engine:
         self.work = 0.0
         """Time steps that it has computed, as :meth:`steps_in` counts them."""
         self._fields: dict[bool, _Fields] = {}
+        self._memories = Memories(channels)
 
     def without_leapfrog(self) -> Engine:
         """The same by Runge-Kutta where it is a leapfrog, which MuJoCo alone is not."""
@@ -107,6 +109,7 @@ class Engine:
     def _copy(self) -> Engine:
         made = copy.copy(self)
         made.model, made._fields, made.work = copy.copy(self.model), {}, 0.0
+        made._memories = Memories(self.channels)
         return made
 
     @property
@@ -225,7 +228,6 @@ class Engine:
     ) -> tuple[list[Act], Array]:
         """Edits the models, with the constants that follow; returns what acts in every step, and what always does."""
         size, derived = segments.size, np.zeros(len(candidates), dtype=bool)
-        starts = np.stack([segments.run, segments.first], axis=1)
         steady = np.zeros((len(candidates) * size, self.model.nv))
         acting: list[Act] = []
         for effect, which, values in grouped(candidates):
@@ -234,12 +236,7 @@ class Engine:
             derived[which] |= effect.edit(fields, rows, repeated)
             effect.steady(steady, rows, repeated)
             if effect.needs_steps:
-                memory = None
-                if hasattr(effect, "qpos"):
-                    positions = smoothed(segments.runs, self.channels, effect.qpos)
-                    if positions is not None:
-                        past = (controls.past(rows),) if effect.needs_past else ()
-                        memory = effect.memory(positions, np.tile(starts, (len(which), 1)), repeated, *past)
+                memory = self._memories(effect, segments, rows, repeated, controls)
                 acting.append(before_steps(effect, rows, repeated, memory))
         fields.derive(np.repeat(derived, size))
         return acting, steady

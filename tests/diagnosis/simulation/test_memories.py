@@ -1,0 +1,56 @@
+from __future__ import annotations
+
+import dataclasses
+
+import numpy as np
+import pytest
+
+from torch_activegp.diagnosis.simulation.candidate import Candidate
+from torch_activegp.diagnosis.simulation.controls import Controls
+from torch_activegp.diagnosis.simulation.memories import Memories
+
+
+@pytest.fixture
+def counted(bench, monkeypatch):
+    """The rotor behind a backlash, and how often its memory was made."""
+    play, made = bench.effect("backlash"), []
+    kind, memory = type(play), type(play).memory
+    monkeypatch.setattr(kind, "memory", lambda self, *args: (made.append(1), memory(self, *args))[1])
+    return play, made
+
+
+def ask(bench, memories: Memories, effect, gap: float = 0.3, **changed) -> np.ndarray:
+    candidate = Candidate((effect,), (np.array([gap]),), **changed)
+    controls = Controls(bench.segments, [candidate], 1, bench.machine.model.nu)
+    rows = np.arange(bench.segments.size)
+    return memories(effect, bench.segments, rows, np.full((len(rows), 1), gap), controls)
+
+
+def test_the_same_question_is_answered_once(bench, counted) -> None:
+    effect, made = counted
+    memories = Memories(bench.engine.channels)
+    first = ask(bench, memories, effect)
+    kept = first.copy()
+    first[:] = 7.0  # a simulation goes on in what it was given
+    np.testing.assert_array_equal(ask(bench, memories, effect), kept)
+    assert len(made) == 1
+
+
+def test_another_gap_another_effect_or_another_control_is_another_question(bench, counted) -> None:
+    effect, made = counted
+    memories = Memories(bench.engine.channels)
+    ask(bench, memories, effect)
+    assert not np.array_equal(ask(bench, memories, effect, 0.2), ask(bench, memories, effect, 0.3), equal_nan=True)
+    ask(bench, memories, dataclasses.replace(effect, centred=False))
+    assert len(made) == 4
+    shove = np.ones((bench.segments.size, bench.segments.intervals, bench.machine.model.nu))
+    shoved = ask(bench, memories, effect, shove=shove)
+    assert len(made) == 5
+    assert not np.array_equal(shoved, ask(bench, memories, effect), equal_nan=True)
+
+
+def test_what_acts_on_no_joint_remembers_nothing(bench) -> None:
+    gain = bench.effect("actuator_gain", "actuator:drive")
+    rows = np.arange(bench.segments.size)
+    controls = Controls(bench.segments, [Candidate((gain,), (np.array([0.1]),))], 1, bench.machine.model.nu)
+    assert Memories(bench.engine.channels)(gain, bench.segments, rows, np.zeros((len(rows), 1)), controls) is None
