@@ -142,6 +142,10 @@ class Backlash(Effect):
         found = np.stack(carried(before, torque, begun, self.rotor, 0.5 * gap, _FINE, centred, self.drag), axis=1)
         return np.where(begun.any(axis=1, keepdims=True), found, 0.0 if self.centred else np.nan)
 
+    def anew(self) -> Self:
+        """With the rotor where it pushes: from the middle of the gap no single step would feel the motor."""
+        return dataclasses.replace(self, centred=False)
+
     def before_step(self, step: Step, rows: Index, values: Array, memory: Array | None) -> None:
         """Moves the rotor to the start of the step, finds whether it touches, and exchanges force."""
         assert memory is not None

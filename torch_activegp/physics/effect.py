@@ -183,6 +183,10 @@ class Effect:
         """State of the effect at the start of each simulation; see :mod:`torch_activegp.physics.play`."""
         return None
 
+    def anew(self) -> Self:
+        """What it is for one step from a state alone, where nothing tells how the machine came there."""
+        return self
+
     def control(self, control: Array, dt: Array, values: Array) -> Array | None:
         """Maps the controls of whole runs ``(n, runs, T, nu)`` in place; dt is ``(runs, T)``, s; values ``(n, P)``."""
         return None

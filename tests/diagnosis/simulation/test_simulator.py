@@ -79,6 +79,17 @@ def test_a_rollout_is_its_steps(simulator: EffectSimulator, model: mujoco.MjMode
     np.testing.assert_allclose(states[-1], by_hand(model, state.numpy(), actions.numpy(), 2), atol=1e-9)
 
 
+def test_a_step_feels_the_motor_behind_a_backlash(bench: Any, model: mujoco.MjModel) -> None:
+    """In a rollout, which begins as a recording does, the rotor crosses half the gap first."""
+    play = next(e for e in bench.effects if e.name == "backlash" and not e.variant)
+    made = EffectSimulator(model, bench.machine.channels, Candidate((play,), (np.array([0.1]),)), dt=0.01, substeps=2)
+    state, action = torch.zeros(2, dtype=torch.float64), torch.tensor([1.0], dtype=torch.float64)
+    plain = EffectSimulator(model, bench.machine.channels, Candidate(), dt=0.01, substeps=2)
+    assert float(plain(state, action)[1]) > 1e-3
+    torch.testing.assert_close(made(state, action), plain(state, action), rtol=1e-2, atol=1e-9)
+    assert float(made.rollout(state, action[None])[0, 1]) == pytest.approx(0.0, abs=1e-9)
+
+
 @pytest.mark.parametrize("batch", [(), (3,), (2, 3), (0,)])
 @pytest.mark.parametrize("dtype", [torch.float32, torch.float64])
 def test_shapes_and_types(simulator: EffectSimulator, batch: tuple[int, ...], dtype: torch.dtype) -> None:

@@ -35,6 +35,10 @@ class Candidate:
         force, shove = (None if more is None else more[which, :intervals] for more in (self.force, self.shove))
         return dataclasses.replace(self, force=force, shove=shove)
 
+    def anew(self) -> Candidate:
+        """The same for one step from a state alone, :meth:`Effect.anew`."""
+        return dataclasses.replace(self, effects=tuple(effect.anew() for effect in self.effects))
+
 
 NOMINAL = Candidate()
 

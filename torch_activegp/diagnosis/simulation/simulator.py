@@ -30,8 +30,8 @@ class EffectSimulator(Simulator):
     """A MuJoCo model with effects that MJCF cannot hold; state (qpos, qvel), action ctrl.
 
     It is stepped like a candidate of the diagnosis. What the state cannot hold (a delayed control, the load side of a
-    backlash) lives through one ``rollout`` and starts anew at each ``step``. Effects on sensors change recordings, not
-    the motion, and do nothing here.
+    backlash) lives through one ``rollout``, which begins as a recording does, and starts anew at each ``step``, with a
+    rotor where it pushes. Effects on sensors change recordings, not the motion, and do nothing here.
 
     Args:
         model: nominal model, without activations.
@@ -77,7 +77,7 @@ class EffectSimulator(Simulator):
         Raises:
             SimulationError: an input requires a gradient.
         """
-        return self.rollout(state, action.unsqueeze(-2)).squeeze(-2)
+        return self._follow(state, action.unsqueeze(-2), self.candidate.anew()).squeeze(-2)
 
     def rollout(self, state: Tensor, actions: Tensor) -> Tensor:
         """Applies a sequence of actions; see `Simulator.rollout`.
@@ -86,6 +86,9 @@ class EffectSimulator(Simulator):
             ShapeError: the shapes do not fit.
             SimulationError: an input requires a gradient.
         """
+        return self._follow(state, actions, self.candidate)
+
+    def _follow(self, state: Tensor, actions: Tensor, candidate: Candidate) -> Tensor:
         batch = self._check_rollout(state, actions)
         if torch.is_grad_enabled() and (state.requires_grad or actions.requires_grad):
             raise SimulationError(
@@ -99,7 +102,7 @@ class EffectSimulator(Simulator):
         control = as_numbers(limited).reshape(size, count, self.action_dim)
         if self._engine is None:
             self._engine = Engine(self.model, self.channels, self.substeps, integrator=self.integrator)
-        after = self._engine.trajectories(self._segments(begin, control), begin, self.candidate)[:, 1:]
+        after = self._engine.trajectories(self._segments(begin, control), begin, candidate)[:, 1:]
         states = torch.empty(size, count, self.state_dim, dtype=torch.float64)
         states[..., self._order] = torch.from_numpy(after)
         states = states.reshape(*batch, count, self.state_dim).to(self.state_space.low.device)
