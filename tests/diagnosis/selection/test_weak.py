@@ -63,6 +63,14 @@ def test_nothing_weak_is_looked_for_where_noise_alone_is_left(clean) -> None:
     assert not stages
 
 
+def test_nothing_weak_is_looked_for_behind_a_rotor_whose_place_no_recording_holds(clean, monkeypatch) -> None:
+    shooting, chosen = recorded(clean, 0.0025)
+    monkeypatch.setattr(type(chosen.best.effects[0]), "needs_past", True)
+    stages: list[str] = []
+    assert also_weak(shooting, chosen, [clean.effect(name) for name in NAMES], stages.append) is chosen
+    assert not stages
+
+
 @pytest.mark.parametrize("noise_alone", [True, False])
 def test_a_law_with_more_parameters_is_named_where_only_noise_is_left_behind_it(
     clean, monkeypatch, noise_alone
