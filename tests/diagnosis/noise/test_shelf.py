@@ -1,20 +1,21 @@
 from __future__ import annotations
 
 import dataclasses
+import itertools
 
 import numpy as np
 import pytest
 from scipy import signal
 
-from torch_activegp.diagnosis.noise.floor import hides_filters, noise_floor, steep_filter
+from torch_activegp.diagnosis.noise.floor import hides_filters, noise_floor, steep_filters
 from torch_activegp.diagnosis.noise.shelf import Shelf, shelf, shelf_behind
 
 RATE, LOUD = 250.0, 7e-4
 
 
-def spectrum(values: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+def spectrum(values: np.ndarray, window: int = 128) -> tuple[np.ndarray, np.ndarray]:
     frequency, power = signal.welch(
-        values, window="blackmanharris", nperseg=128, detrend=signal.detrend, average="median"
+        values, window="blackmanharris", nperseg=window, detrend=signal.detrend, average="median"
     )
     return frequency[4:-2], power[4:-2]
 
@@ -56,7 +57,7 @@ def test_the_floor_is_the_level_behind_the_filter(make_plain_run, rate: float, c
     values, noise = filtered(2, corner * RATE / rate, True, 16000)
     run = make_plain_run(values, noise=1e-6)  # as differences see it
     run = dataclasses.replace(run, time=np.arange(len(run)) / rate)
-    assert steep_filter([run], 0) is not None
+    assert steep_filters([run])[0] is not None
     floor = noise_floor([run])
     assert floor.scale[0] == pytest.approx(noise.std(), rel=0.15)
     assert not floor.colour.any()
@@ -80,17 +81,43 @@ def test_a_filter_counts_for_the_joint_whose_motion_hides_it(make_plain_run) -> 
     time = np.arange(len(hidden)) / RATE
     alone = dataclasses.replace(make_plain_run(hidden, noise=1e-6), time=time)
     runs = [dataclasses.replace(make_plain_run(np.stack([hidden, plain], axis=1), noise=1e-6), time=time)]
-    assert steep_filter([alone], 0) is None
+    assert steep_filters([alone])[0] is None
     floor = noise_floor(runs)
     assert floor.scale == pytest.approx([noise.std(), own.std()], rel=0.25)
     assert not hides_filters(runs, 0)
-    assert steep_filter(runs, 0).corner == steep_filter(runs, 1).corner
+    assert len({one.corner for one in steep_filters(runs)}) == 1
 
 
-def test_a_joint_without_the_filter_of_another_has_none() -> None:
+@pytest.mark.parametrize("window", [128, 256])
+def test_motion_is_behind_no_filter_of_another_joint(window: int) -> None:
+    """Whatever noise there is, and where the force ends too."""
     rng = np.random.default_rng(0)
     mass = signal.lfilter([1.0], [1.0, -1.98, 0.981], rng.normal(size=20000))
-    known = Shelf(0.1, LOUD, (2, 2))
-    assert shelf_behind(*spectrum(mass), known) is None
-    assert shelf_behind(*spectrum(mass + rng.normal(size=20000)), known) is None
-    assert shelf_behind(*spectrum(filtered(2, 25.0, True)[0]), known) is not None
+    smooth = signal.lfilter(*signal.butter(2, 30.0, fs=RATE), mass)
+    for motion, noise in ((mass, 0.0), (mass, 1e-4), (mass, 1.0), (smooth, 0.0)):
+        seen = spectrum(motion + noise * rng.normal(size=20000), window)
+        for order, corner in itertools.product(
+            [(2, 1), (3, 1), (4, 1), (1, 2), (2, 2), (4, 2)], [0.04, 0.06, 0.1, 0.2]
+        ):
+            assert shelf_behind(*seen, Shelf(corner, LOUD, order)) is None
+
+
+def test_a_filter_is_known_again_where_it_was_seen_a_little_off() -> None:
+    seen = spectrum(swift()[0])
+    assert shelf_behind(*seen, Shelf(18.0 / RATE, LOUD, (2, 2))) is not None
+    assert shelf_behind(*seen, Shelf(0.9 * 18.0 / RATE, LOUD, (2, 2))) is not None
+    assert shelf_behind(*seen, Shelf(0.5 * 18.0 / RATE, LOUD, (2, 2))) is None
+    assert shelf_behind(*seen, Shelf(18.0 / RATE, 1e-3 * LOUD, (2, 2))) is None  # a thousand times as loud
+
+
+@pytest.mark.parametrize("corner", [18.0, 25.0, 37.0])
+def test_a_joint_without_a_filter_beside_one_with_it_has_its_own_noise(make_plain_run, corner: float) -> None:
+    rng, rows, quiet = np.random.default_rng(0), 16000, 1e-5
+    mass = signal.lfilter([1.0], [1.0, -1.998, 0.9981], rng.normal(size=10 * rows))[::10]
+    bare = 0.3 / mass.std() * mass + quiet * rng.normal(size=rows)
+    behind = signal.filtfilt(*signal.butter(2, corner, fs=RATE), LOUD * rng.normal(size=rows))
+    run = make_plain_run(np.stack([bare, behind], axis=1), noise=quiet)
+    run = dataclasses.replace(run, time=np.arange(rows) / RATE)
+    found = steep_filters([run])
+    assert found[0] is None
+    assert found[1] is not None

@@ -68,7 +68,7 @@ def test_rows_of_a_slower_recording_are_as_far_apart(model) -> None:
 
 def test_what_no_steep_filter_passed_stays_as_it_is(clean, monkeypatch) -> None:
     assert thinned(clean.machine) is clean.machine
-    monkeypatch.setattr(filtered_rows, "steep_filter", lambda runs, channel: Shelf(0.4, 1e-3))
+    monkeypatch.setattr(filtered_rows, "steep_filters", lambda runs: [Shelf(0.4, 1e-3)])
     assert thinned(clean.machine) is clean.machine  # each row says something new
 
 
@@ -77,6 +77,6 @@ def test_filtered_positions_of_the_model_itself_are_no_mismatch(model, monkeypat
     """Unless every row counts, for noise that follows from the rows around is not seen by differences."""
     if not counts:
         for module in (filtered_rows, floor):
-            monkeypatch.setattr(module, "steep_filter", lambda runs, channel: None)
+            monkeypatch.setattr(module, "steep_filters", lambda runs: [None])
     found = diagnose(model, recordings(model, 30.0), nthread=1)
     assert (found.verdict == "none") == counts

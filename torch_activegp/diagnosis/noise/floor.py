@@ -54,7 +54,7 @@ def noise_floor(runs: Sequence[Run]) -> NoiseModel:
     High differences measure white noise. A filter in the encoder makes noise whose differences are small though its
     level is not; it shows in the spectrum above the machine's motion, which is flat for white noise. A steep filter
     shows in a spectrum that is flat up to its corner; rows as far apart as that tells have white noise again
-    (:func:`steep_filter`). Recordings slower than 67 Hz leave no such band: their noise counts as white, unless they
+    (:func:`steep_filters`). Recordings slower than 67 Hz leave no such band: their noise counts as white, unless they
     are said to be videos, whose errors last. Where the controls repeat and the motion has settled, noise is what
     differs from period to period, and neither is asked. No floor is below 3e-5 of the motion: rigid bodies, and the
     arithmetic that simulates them, are no more exact than that. The noise of prescribed joints moves the others in a
@@ -75,7 +75,7 @@ def hides_filters(runs: Sequence[Run], channel: int) -> bool:
     """
     if any(run.video for run in runs) or noise_from_periods(runs, channel) is not None:
         return False
-    if steep_filter(runs, channel) is not None:
+    if steep_filters(runs)[channel] is not None:
         return False
     unseen = _lowest(runs) > _NARROW or all(_uneven(run) or _spectrum(run, channel) is None for run in runs)
     return unseen or moves_quickly(runs, channel)
@@ -87,21 +87,22 @@ def moves_quickly(runs: Sequence[Run], channel: int) -> bool:
     return band is not None and band.moves
 
 
-def steep_filter(runs: Sequence[Run], channel: int) -> Shelf | None:
-    """The filter that took so much from the end of the spectrum that what is left looks like motion; else None.
+def steep_filters(runs: Sequence[Run]) -> list[Shelf | None]:
+    """For each channel the filter that took so much from the end of the spectrum that what is left looks like motion.
 
-    Where the motion hides that the noise is level, that of another joint is tried, for joints are filtered alike.
+    Where the motion hides that the noise is level, those of other joints are tried, for joints are filtered alike.
     """
-    if not _may_be_steep(runs, channel):
-        return None
-    own = partial(shelf, lowest=LOWEST * median_step(runs))
-    found = _steep(runs, channel, own)
-    if found is not None:
-        return found
-    others = [c for c in range(runs[0].position.shape[1]) if c != channel and _may_be_steep(runs, c)]
-    siblings = (_steep(runs, other, own) for other in others)
-    behind = (_steep(runs, channel, partial(shelf_behind, known=known)) for known in siblings if known is not None)
-    return next((one for one in behind if one is not None), None)
+    channels = range(runs[0].position.shape[1])
+    wanted = [c for c in channels if _may_be_steep(runs, c)]
+    own = {c: _steep(runs, c, partial(shelf, lowest=LOWEST * median_step(runs))) for c in wanted}
+    known = [one for one in own.values() if one is not None]
+    return [own[c] or _behind_another(runs, c, known) if c in own else None for c in channels]
+
+
+def _behind_another(runs: Sequence[Run], channel: int, known: Sequence[Shelf]) -> Shelf | None:
+    """The first of some filters that a channel is behind."""
+    found = (_steep(runs, channel, partial(shelf_behind, known=one)) for one in known)
+    return next((one for one in found if one is not None), None)
 
 
 def _may_be_steep(runs: Sequence[Run], channel: int) -> bool:
@@ -133,13 +134,13 @@ def finest(runs: Sequence[Run]) -> Array:
 def _own(runs: Sequence[Run], least: Array | float = 0.0) -> NoiseModel:
     """Noise of the channels themselves."""
     scale = np.maximum(np.sqrt(np.mean([run.noise**2 for run in runs], axis=0)), least) + 1e-12
-    colour = np.zeros((len(scale), 2))
+    colour, steep = np.zeros((len(scale), 2)), steep_filters(runs)
     for channel in range(len(scale)):
         found = noise_from_periods(runs, channel) or _video(runs, scale[channel]) or _colour(runs, channel)
         if found is not None:
             colour[channel], scale[channel] = found
-        elif (steep := steep_filter(runs, channel)) is not None:
-            scale[channel] = steep.scale
+        elif (filtered := steep[channel]) is not None:
+            scale[channel] = filtered.scale
     return NoiseModel(np.asarray(scale), colour)
 
 

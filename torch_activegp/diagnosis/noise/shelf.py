@@ -21,8 +21,15 @@ _BELOW = 0.7
 _CLOSE = 0.17
 """Root mean square of the decimal logarithm by which a spectrum may be off: 0.06 to 0.12 behind filters, 0.15 of
 five runs of 6 s at 100 Hz, and 0.2 to 0.5 where motion is in the lowest bins."""
-_AS_CLOSE = 0.25
-"""The same of a filter as another joint showed it; fitted anew, its corner and the level hide each other."""
+_AS_CLOSE_AS_KNOWN = 0.25
+"""The same of a filter as another joint showed it: 0.17 to 0.22 where five short runs at 100 Hz told its corner as 0.9
+of what it is. Fitted anew, corner and level hide each other."""
+_BENDS = 0.5
+"""Part of a straight line's misfit that such a filter may leave: motion falls with a power of the frequency."""
+_AS_LOUD = 30.0
+"""Times the noise of the other joint, or a part of it, that it may be; one may be in m and one in rad."""
+_AS_MOTION = 2
+"""Poles of filters that fall as motion does, with the fourth power."""
 _SLOPE = 1.0
 """Power of the frequency with which the level part may fall; motion falls with the fourth."""
 _DEEP = 2.0
@@ -86,7 +93,8 @@ def shelf_behind(frequency: Array, power: Array, known: Shelf) -> Shelf | None:
     """The level of noise behind a filter that is known, from a sibling's channel, where motion hides that it is level.
 
     A joint that moves up to the corner of its filter leaves nothing level to see it by. Joints are filtered alike; if
-    so, the spectrum is that filter's from where the motion ends.
+    so, the spectrum is that filter's from where the motion ends, and bends where its corner is. A filter of two poles
+    falls as motion does, and is not sought so.
 
     Args:
         frequency: of some bins, in parts of the sampling rate, rising, ``(F,)``.
@@ -94,15 +102,22 @@ def shelf_behind(frequency: Array, power: Array, known: Shelf) -> Shelf | None:
         known: the filter of another joint.
 
     Returns:
-        The same filter with the level of this noise; None where less than twice five bins, or than two decades, are
-        like it.
+        The same filter with the level of this noise. None where ten bins or fewer, from 0.7 of the corner or below, or
+        less than two decades, are like it, or a straight line is nearly as close; or it would be 30 times as loud.
     """
+    times, often = known.order
+    if times * often <= _AS_MOTION:
+        return None
     end = _told(power)
-    apart = np.log10(power[:end]) - np.log10(_passed(frequency[:end], known.order, known.corner))
-    for first in range(max(end - 2 * _LEVEL, 0)):
-        rest, tail = apart[first:], np.log10(power[first:end])
-        if rest.std() < _AS_CLOSE and tail.max() - tail.min() > _DEEP:
-            return _shelf(known.order, known.corner, float(rest.mean()))
+    told, levels = np.log10(frequency[:end]), np.log10(power[:end])
+    apart = levels - np.log10(_passed(frequency[:end], known.order, known.corner))
+    for first in range(min(int((frequency < _BELOW * known.corner).sum()), end - 2 * _LEVEL)):
+        rest, tail = apart[first:], levels[first:]
+        straight = tail - np.polyval(np.polyfit(told[first:], tail, 1), told[first:])
+        bends = rest.std() < min(_AS_CLOSE_AS_KNOWN, _BENDS * straight.std())
+        if bends and tail.max() - tail.min() > _DEEP:
+            found = _shelf(known.order, known.corner, float(rest.mean()))
+            return found if 1.0 / _AS_LOUD < found.scale / known.scale < _AS_LOUD else None
     return None
 
 

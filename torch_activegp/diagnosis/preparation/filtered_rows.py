@@ -8,7 +8,7 @@ import numpy as np
 
 from torch_activegp.diagnosis.inputs.machine import Machine
 from torch_activegp.diagnosis.inputs.runs import Run
-from torch_activegp.diagnosis.noise.floor import steep_filter
+from torch_activegp.diagnosis.noise.floor import steep_filters
 
 
 def thinned(machine: Machine) -> Machine:
@@ -22,7 +22,7 @@ def thinned(machine: Machine) -> Machine:
     Args:
         machine: model and runs.
     """
-    found = [steep_filter(machine.fit, c) for c in range(len(machine.channels.joints))]
+    found = steep_filters(machine.fit)
     shelves = {f"qpos.{joint}": s for joint, s in zip(machine.channels.joints, found, strict=True) if s is not None}
     rows = max((one.rows for one in shelves.values()), default=1)
     if rows < 2:
