@@ -105,7 +105,7 @@ def test_what_was_recorded_from_the_middle_on_leads_to_where_the_rotor_is(bench:
     """Pushed for 20 ms from the middle of the gap; what was recorded for longer tells no beginning."""
     effect = Backlash.at(dataclasses.replace(JOINT, dt=0.01), mujoco.MjModel.from_xml_string(nominal(0.001)))
     control, gap = np.full((300, 1), 0.02), 0.2
-    past = Past(0.01 * np.arange(301)[None], lambda back: np.stack([control[-back:]] * 2))
+    past = Past(0.01 * np.arange(301)[None], np.zeros(2), lambda some, back: np.stack([control[-back:]] * len(some)))
     memory = effect.memory(np.zeros((1, 301)), np.array([[0, 2], [0, 300]]), np.full((2, 1), gap), past)
     torque = 2.0 * 0.02
     assert memory[0, 1:4] == pytest.approx([0.5 * torque / ROTOR * 0.02**2, torque / ROTOR * 0.02, 0.0], rel=0.01)
@@ -118,7 +118,9 @@ def test_the_rotor_is_carried_along_the_recording(bench: Any) -> None:
     rows, gap, torque = 40, 0.2, 4.0
     control = np.where(np.arange(rows) < rows - 2, 0.5 * torque, -0.5 * torque)[:, None]
 
-    past = Past(0.01 * np.arange(rows + 1)[None], lambda back: np.stack([control[-back:]] * 2))
+    past = Past(
+        0.01 * np.arange(rows + 1)[None], np.zeros(2), lambda some, back: np.stack([control[-back:]] * len(some))
+    )
 
     starts = np.array([[0, rows], [0, 0]])
     memory = effect.memory(np.zeros((1, rows + 1)), starts, np.full((2, 1), gap), past)
@@ -147,9 +149,72 @@ def test_a_failed_simulation_leaves_its_neighbour_alone(bench: Any) -> None:
 def test_damping_moves_to_the_rotor_where_there_is_some(bench: Any) -> None:
     model = mujoco.MjModel.from_xml_string(nominal(0.001))
     assert DampedBacklash.fits(JOINT, model)
+    effect, values = DampedBacklash.at(JOINT, model), np.array([[0.1]])
     fields = {name: np.array([[ROTOR]]) for name in ("dof_armature", "dof_M0", "dof_damping")}
-    DampedBacklash.at(JOINT, model).edit(fields.__getitem__, np.array([0]), np.array([[0.1]]))
+    effect.edit(fields.__getitem__, np.array([0]), values)
+    assert fields["dof_damping"][0, 0] == ROTOR  # until a leapfrog has seen it
+    memory = effect.memory(np.zeros((1, 9)), np.array([[0, 0]]), values)
+    step = Step(*(np.zeros((1, 1)) for _ in range(4)), fields.__getitem__, np.full(1, 0.001))
+    effect.before_step(step, np.array([0]), values, memory)
     assert fields["dof_damping"][0, 0] == pytest.approx(ROTOR - 0.03)
     model.dof_damping[:] = 0.0
     assert not DampedBacklash.fits(JOINT, model)
     assert Backlash.fits(JOINT, model)
+
+
+@pytest.mark.parametrize("last", [20, 21, 40, 41])
+def test_a_recording_begins_where_it_does_whatever_row_a_simulation_begins_at(bench: Any, last: int) -> None:
+    """Rows a millisecond apart are taken two by two."""
+    effect = Backlash.at(dataclasses.replace(JOINT, dt=0.001), mujoco.MjModel.from_xml_string(nominal(0.001)))
+    control, gap = np.full((50, 1), 0.02), 0.2
+    past = Past(0.001 * np.arange(51)[None], np.zeros(2), lambda some, back: np.stack([control[:back]] * len(some)))
+    memory = effect.memory(np.zeros((1, 51)), np.array([[0, 11], [0, last]]), np.full((2, 1), gap), past)
+    flown = 0.5 * 2.0 * 0.02 / ROTOR * (1e-3 * np.array([11, last])) ** 2
+    np.testing.assert_allclose(memory[:, 1], flown, rtol=0.2)
+
+
+def test_a_damped_rotor_is_carried_with_its_drag(bench: Any) -> None:
+    model = mujoco.MjModel.from_xml_string(nominal(0.001))
+    t = 0.01 * np.arange(301)
+    control = np.full((300, 1), 0.5 * (0.03 + 1e-3))  # just more than the drag at 1 rad/s
+    past = Past(t[None], np.zeros(1), lambda some, back: control[None, -back:])
+    found = [
+        kind.at(dataclasses.replace(JOINT, dt=0.01), model).memory(
+            t[None], np.array([[0, 300]]), np.full((1, 1), 0.2), past
+        )
+        for kind in (Backlash, DampedBacklash)
+    ]
+    assert found[0][0, 1:4] == pytest.approx([0.1, 0.0, 1.0])  # undamped it pushes hard
+    assert found[1][0, 1] > -0.1
+    weaker = Past(t[None], np.zeros(1), lambda some, back: control[None, -back:] - 2e-3)
+    damped = DampedBacklash.at(dataclasses.replace(JOINT, dt=0.01), model)
+    assert damped.memory(t[None], np.array([[0, 300]]), np.full((1, 1), 0.2), weaker)[0, 3] == -1.0
+    resting = dataclasses.replace(damped, centred=False)
+    memory = resting.memory(np.zeros((1, 9)), np.array([[0, 0]]), np.full((1, 1), 0.2))
+    fields = {name: np.zeros((1, 1)) for name in ("dof_armature", "dof_M0", "dof_damping")}
+    step = Step(*(np.array([[x]]) for x in (0.0, 2.0, 0.01)), np.zeros((1, 1)), fields.__getitem__, np.full(1, 0.001))
+    resting.before_step(step, np.arange(1), np.full((1, 1), 0.2), memory)
+    assert memory[0, 4] == -1.0  # 0.02 N m do not keep it at 2 rad/s
+
+
+@pytest.mark.parametrize("damping", [0.5, 2.0])
+def test_a_light_rotor_with_much_damping_stays_stable(damping: float) -> None:
+    """Without an armature a rotor has a hundredth of the inertia, and loses its speed within a step."""
+
+    def end(kind: type[Backlash], step: float) -> float:
+        xml = nominal(step, armature=0.0).replace('damping=".03"', f'damping="{damping}"')
+        model = mujoco.MjModel.from_xml_string(xml)
+        effect, data = kind.at(JOINT, model), mujoco.MjData(model)
+        rows, values = np.array([0]), np.full((1, 1), 0.05)
+        memory = effect.memory(np.zeros((1, 3)), np.zeros((1, 2), dtype=int), values)
+        field = lambda name: getattr(model, name)[None]  # noqa: E731
+        effect.edit(field, rows, values)
+        for control in swings(step)[:, 0]:
+            data.ctrl[0] = control
+            data.qfrc_applied[:] = 0.0
+            views = (each[None] for each in (data.qpos, data.qvel, data.ctrl, data.qfrc_applied))
+            effect.before_step(Step(*views, field, np.full(1, step)), rows, values, memory)
+            mujoco.mj_step(model, data)
+        return float(data.qpos[0])
+
+    assert end(DampedBacklash, 0.005) == pytest.approx(end(DampedBacklash, 2.5e-4), abs=0.02)

@@ -34,6 +34,25 @@ def test_from_the_middle_it_flies_through_half_the_gap() -> None:
     assert follow(at_rest(60), np.full(60, 0.5), centred=True) == (0.1, 0.0, 1.0)
 
 
+@pytest.mark.parametrize("damping", [0.1, 2.0, 20.0])
+def test_drag_slows_it_down(damping: float) -> None:
+    torque, seconds, still = 0.1, 40 * DT, at_rest(40)
+    found = carried(
+        still,
+        np.full((1, 40), torque),
+        np.ones((1, 40), dtype=bool),
+        INERTIA,
+        np.ones(1),
+        DT / 8,
+        np.ones(1, bool),
+        damping,
+    )
+    fastest, rate = torque / damping, damping / INERTIA
+    speed = fastest * (1.0 - np.exp(-rate * seconds))
+    assert found[1][0] == pytest.approx(speed, rel=0.05)
+    assert found[0][0] == pytest.approx(fastest * seconds - speed / rate, rel=0.05)
+
+
 def test_it_flies_through_the_gap_and_lands() -> None:
     torque = np.where(np.arange(60) < 10, 2.0, -2.0)
     seconds = np.sqrt(2 * 0.2 / (2.0 / INERTIA))  # for the whole gap

@@ -50,7 +50,7 @@ def test_ends_as_firm_as_they_may_be_are_firm(bench: Any) -> None:
 def test_a_springy_rotor_begins_pressed_against_its_end_where_it_has_been_there(bench: Any) -> None:
     effect = SpringyBacklash.at(dataclasses.replace(JOINT, dt=0.1), mujoco.MjModel.from_xml_string(nominal(0.001)))
     t = 0.1 * np.arange(20)[None]
-    past = Past(t, lambda back: np.full((1, back, 1), 0.5))
+    past = Past(t, np.zeros(1), lambda some, back: np.full((1, back, 1), 0.5))
     memory = effect.memory(0.5 * 15.0 * t**2, np.array([[0, 10]]), np.array([[0.2, 50.0, 0.0]]), past)
     fields = {name: np.zeros((1, 1)) for name in ("dof_armature", "dof_M0")}
     q, v, force = np.zeros((1, 1)), np.zeros((1, 1)), np.zeros((1, 1))

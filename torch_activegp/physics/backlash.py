@@ -52,7 +52,7 @@ class Backlash(Effect):
     drag: float = 0.0
     drives: tuple[tuple[int, float, float, float], ...] = ()
     dt: float = 0.01
-    centred: bool = True
+    centred: bool = False
 
     name = "backlash"
     never_negative = frozenset({"gap"})
@@ -93,6 +93,7 @@ class Backlash(Effect):
             armature=armature,
             drives=tuple(drives),
             dt=place.dt,
+            centred=True,
         )
 
     def plausible(self, values: Array) -> bool:
@@ -100,8 +101,8 @@ class Backlash(Effect):
         return bool(values[0] >= _NO_GAP * self.parameters[0].high)
 
     def edit(self, field: Callable[[str], Array], rows: Index, values: Array) -> bool:
-        """Takes the rotor off the joint."""
-        add_rotor(field, rows, self.dof, np.full(len(rows), -self.armature), -self.drag)
+        """Takes the rotor off the joint; its drag follows with the first step, for a leapfrog looks at it before."""
+        add_rotor(field, rows, self.dof, np.full(len(rows), -self.armature))
         return False
 
     def memory(self, positions: Array, starts: Array, values: Array, past: Past | None = None) -> Array:
@@ -118,14 +119,14 @@ class Backlash(Effect):
         memory[:, 0] = motion.acceleration[starts[:, 0], np.minimum(starts[:, 1], positions.shape[1] - 1)]
         if self.centred:
             memory[:, 1:4] = 0.0
-        back = min(int(np.ceil(_BACK / (every * self.dt))), int(starts[:, 1].max()) // every)
+        back = min(int(np.ceil(_BACK / (every * self.dt))), -(-int(starts[:, 1].max()) // every))
         if past is not None and back:
-            torque = self._torque(past.control(back * every).reshape(len(starts), back, every, -1).mean(axis=2))
-            told = (torque * np.sqrt(np.arange(1.0, back + 1.0))).sum(axis=1)  # most differ in initial states alone
-            alike = np.column_stack([starts, values[:, 0], told])
+            alike = np.column_stack([past.same, starts, values[:, 0]])  # most differ in their initial states alone
             _, one, of = np.unique(alike, axis=0, return_index=True, return_inverse=True)
+            control = past.control(one, back * every).reshape(len(one), back, every, -1).mean(axis=2)
             rows = starts[one, 1:] + every * np.arange(-back, 1)
-            memory[:, 1:4] = self._carried(motion.at(starts[one, 0], rows), rows, torque[one], values[one, 0])[of]
+            before = motion.at(starts[one, 0], rows)
+            memory[:, 1:4] = self._carried(before, rows, self._torque(control), values[one, 0])[of.reshape(-1)]
         return memory
 
     def _carried(self, before: Motion, rows: Array, torque: Array, gap: Array) -> Array:
@@ -153,17 +154,18 @@ class Backlash(Effect):
         torque, half = self._torque(step.ctrl[rows]), 0.5 * values[:, 0]
         new = np.isnan(memory[:, 4])
         if new.any():
-            off, faster, side = self._begin(memory, torque)
+            off, faster, side = self._begin(memory, torque - self.drag * v)
             off, fast = np.where(side != 0.0, side * half, off), v + np.where(side != 0.0, 0.0, faster)
             memory[new] = np.stack([q + off, fast, fast, 0.0 * v, side, 0.0 * v], axis=1)[new]
-            add_rotor(step.field, rows[new], self.dof, *self._on_joint(np.abs(side[new])))
+            inertia, drag = self._on_joint(np.abs(side[new]))
+            add_rotor(step.field, rows[new], self.dof, inertia, drag - self.drag)
         place, before, free, apart, side, last = memory.T
         pulled = side * (free - v - apart) < 0.0
         held = (side != 0.0) & ~pulled
         back = np.where(pulled, self.rotor * (v + apart - free) / dt, 0.0)
         speed = np.where(held, v + apart, free)
         off = np.where(held, side * half, place + 0.5 * last * (before + free) - q)
-        free = speed + dt * (torque - self.drag * speed) / self.rotor
+        free = (speed + dt * torque / self.rotor) / (1.0 + dt * self.drag / self.rotor)
         late = step.middle * (free - v)  # a touch acts in the middle of a step, half a step too late on average
         then = off + dt * (free - v + late)
         now = np.where(held, side, np.sign(then) * (np.abs(then) >= half))
@@ -202,6 +204,8 @@ class RestingBacklash(Backlash):
 @dataclasses.dataclass(frozen=True, eq=False)
 class DampedBacklash(Backlash):
     """The same where the joint's damping is that of the motor and its gears, on the rotor's side of the gap."""
+
+    law = "the motor's torque reaches the joint only at the ends of a gap, and the joint's damping acts on the motor"
 
     @classmethod
     def fits(cls, place: Place, model: mujoco.MjModel) -> bool:

@@ -17,11 +17,14 @@ class Past(NamedTuple):
 
     Args:
         time: clocks of whole runs, ``(runs, T)``, s; increasing to the end, also where a run is shorter.
-        control: controls between the last so many rows before each, ``(n, rows, nu)``; the first one of a run is held.
+        same: a number for each, ``(n,)``, that those share whose controls are the same in the same rows of a run.
+        control: controls between the last so many rows before some of them ``(m,)``, ``(m, rows, nu)``; the first one
+            of a run is held.
     """
 
     time: Array
-    control: Callable[[int], Array]
+    same: NDArray[Any]
+    control: Callable[[NDArray[Any], int], Array]
 
 
 class Motion(NamedTuple):
@@ -82,13 +85,14 @@ def carried(
         half: half the gap, ``(n,)``, rad or m.
         longest: time step, s.
         centred: whether it begins in the middle, ``(n,)``.
-        damping: of the rotor, N m s/rad or N s/m; at the speed of the joint, which its own is close to.
+        damping: of the rotor, N m s/rad or N s/m.
     """
     apart = np.diff(motion.time, axis=1)
     parts = max(int(np.ceil(np.median(apart[begun]) / longest)), 1) if begun.any() else 1
     first = begun.argmax(axis=1)[:, None]
-    needed = inertia * np.take_along_axis(motion.acceleration, first, axis=1)[:, 0]
-    side = np.where(np.take_along_axis(torque, first, axis=1)[:, 0] < needed, -1.0, 1.0) * ~centred
+    needed, braked = (np.take_along_axis(each, first, axis=1)[:, 0] for each in (motion.acceleration, motion.velocity))
+    pushes = np.take_along_axis(torque, first, axis=1)[:, 0] - damping * braked
+    side = np.where(pushes < inertia * needed, -1.0, 1.0) * ~centred
     place, speed = side * half, np.zeros_like(half)
     # what each step adds to offset and speed against the joint where it flies, and what pushes it where it touches
     fine, moved = motion.finer(parts), np.repeat(begun, parts, axis=1)
@@ -97,12 +101,15 @@ def carried(
     off = np.where(moved, step * (fine.velocity[:, :-1] + 0.5 * faster) - np.diff(fine.position, axis=1), 0.0)
     faster = np.where(moved, faster - np.diff(fine.velocity, axis=1), 0.0)
     pushed = np.where(moved, push - inertia * fine.acceleration[:, :-1], side[:, None])
-    for each, now_off, now_faster, now_pushed in zip(step.T, off.T, faster.T, pushed.T, strict=True):
+    slower = np.exp(-damping * step / inertia)
+    for each, now_off, now_faster, now_slower, now_pushed in zip(
+        step.T, off.T, faster.T, slower.T, pushed.T, strict=True
+    ):
         held = (side != 0.0) & (side * now_pushed >= 0.0)
         free = place + each * speed + now_off
         side = np.where(held, side, np.sign(free) * (np.abs(free) >= half))
         place = np.where(side != 0.0, side * half, free)
-        speed = np.where(side != 0.0, 0.0, speed + now_faster)
+        speed = np.where(side != 0.0, 0.0, now_slower * speed + now_faster)
     return place, speed, side
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+from collections.abc import Callable
 from typing import Self
 
 import mujoco
@@ -11,6 +12,7 @@ import numpy as np
 from torch_activegp.physics.backlash import Backlash, DampedBacklash
 from torch_activegp.physics.effect import Array, Index, Parameter, Step
 from torch_activegp.physics.place import Place
+from torch_activegp.physics.rotor import add_rotor
 
 _LEAST = 1e-9
 _SOFTEST, _SOFT, _STIFFEST = 15.0, 80.0, 600.0
@@ -52,6 +54,11 @@ class SpringyBacklash(Backlash):
             firm, parameters=parameters, seeds=seeds, variant="springy", stands_in=True, light=light
         )
 
+    def edit(self, field: Callable[[str], Array], rows: Index, values: Array) -> bool:
+        """Takes the rotor and its drag off the joint, which they never move with."""
+        add_rotor(field, rows, self.dof, np.full(len(rows), -self.armature), -self.drag)
+        return False
+
     def absent(self, values: Array) -> Array:
         """No gap, and ends as firm as they may be."""
         return np.array([0.0, self.parameters[1].high, 0.5 * self.parameters[2].high])
@@ -65,8 +72,9 @@ class SpringyBacklash(Backlash):
         damping = np.minimum(values[:, 2], _STABLE * self.light / dt)
         new = np.isnan(memory[:, 4])
         if new.any():
-            acceleration, (off, faster, side) = memory[:, 0], self._begin(memory, torque)
-            pressed = np.maximum(side * (torque - self.rotor * acceleration), 0.0) / np.maximum(values[:, 1], 1e-12)
+            pushes = torque - self.drag * v
+            acceleration, (off, faster, side) = memory[:, 0], self._begin(memory, pushes)
+            pressed = np.maximum(side * (pushes - self.rotor * acceleration), 0.0) / np.maximum(values[:, 1], 1e-12)
             off = np.where(side != 0.0, side * (half + pressed), off)
             begun = np.stack([q + off, v + np.where(side != 0.0, 0.0, faster)], axis=1)
             memory[new, :2], memory[new, 4] = begun[new], 0.0
@@ -75,7 +83,7 @@ class SpringyBacklash(Backlash):
         side = np.sign(off) * (np.abs(off) > half)
         push = stiffness * (off - side * half) + damping * (speed - v)
         face = np.where(side * push > 0.0, push, 0.0)
-        after = speed + dt * (torque - self.drag * speed - face) / self.rotor
+        after = (speed + dt * (torque - face) / self.rotor) / (1.0 + dt * self.drag / self.rotor)
         memory[:, 0] = place + dt * (step.middle * speed + (1.0 - step.middle) * after)
         memory[:, 1] = after
         step.force[rows, self.dof] += face - torque
@@ -84,6 +92,11 @@ class SpringyBacklash(Backlash):
 @dataclasses.dataclass(frozen=True, eq=False)
 class SpringyDampedBacklash(SpringyBacklash):
     """The same with ends that give way, where the joint's damping is the rotor's."""
+
+    law = (
+        "the motor's torque reaches the joint only at the ends of a gap, which are springs and dampers, and the joint's "
+        "damping acts on the motor"
+    )
 
     @classmethod
     def fits(cls, place: Place, model: mujoco.MjModel) -> bool:

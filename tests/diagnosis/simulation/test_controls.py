@@ -36,7 +36,10 @@ def test_the_past_of_a_simulation_has_the_clock_of_its_run_and_means_between_row
     control = Controls(bench.segments, [NOMINAL, Candidate((gain,), (np.array([1.0]),)), late], 4, 1)
     size = bench.segments.size
     past = control.past(np.array([2, size + 2, 2 * size + 2, 0]))
-    before = past.control(4)
+    before = past.control(np.arange(4), 4)
+    assert len(set(past.same[:3].tolist())) == 3
+    assert past.same[3] == past.same[0]
+    np.testing.assert_array_equal(past.control(np.array([2, 0]), 4), before[[2, 0]])
     run, first = bench.segments.run[2], bench.segments.first[2]
     recorded = bench.segments.runs[run].control
     expected = recorded[np.maximum(np.arange(first - 5, first), 0)]

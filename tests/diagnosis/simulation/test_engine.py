@@ -1,5 +1,6 @@
 from __future__ import annotations
 
+import copy
 import dataclasses
 
 import mujoco
@@ -10,6 +11,7 @@ from torch_activegp.diagnosis.inputs.machine import make_machine
 from torch_activegp.diagnosis.inputs.segments import cut, halve
 from torch_activegp.diagnosis.simulation.candidate import NOMINAL, Candidate
 from torch_activegp.diagnosis.simulation.engine import Engine, substeps_for
+from torch_activegp.diagnosis.simulation.places import effects_for
 from torch_activegp.errors import ConfigurationError
 
 
@@ -264,6 +266,24 @@ def test_a_gap_is_the_same_in_longer_steps_of_runge_kutta(bench, monkeypatch) ->
     step = dataclasses.replace
     monkeypatch.setattr("torch_activegp.physics.backlash.Backlash.before_step", _as_if_late(step))
     assert found < 0.7 * np.sqrt(np.nanmean((read(2) - wanted) ** 2))
+
+
+@pytest.mark.parametrize("late", [False, True])
+def test_without_a_gap_it_does_not_matter_whose_the_damping_is(bench, late: bool) -> None:
+    """By a leapfrog too, which takes half a step of damping off the inertia."""
+    model = copy.copy(bench.machine.model)
+    model.opt.integrator, model.dof_damping[:] = int(mujoco.mjtIntegrator.mjINT_IMPLICITFAST), 0.1
+    machine = dataclasses.replace(bench.machine, model=model)
+    forms = {e.variant: e for e in effects_for(model, machine.channels, machine.fit) if e.name == "backlash"}
+    engine = Engine(model, bench.engine.channels, 1, 1, late=late)
+
+    def read(effect) -> np.ndarray:
+        candidate = Candidate((effect,), (np.zeros(1),))
+        return engine.predict(bench.segments, bench.nominal.starts[None], [candidate])
+
+    load, rotor = read(forms[""]), read(forms["damped rotor"])
+    assert np.nanstd(load) > 0.1
+    assert np.nanstd(rotor - load) < 1e-5
 
 
 def _as_if_late(replace):

@@ -19,11 +19,12 @@ def counted(bench, monkeypatch):
     return play, made
 
 
-def ask(bench, memories: Memories, effect, gap: float = 0.3, **changed) -> np.ndarray:
+def ask(bench, memories: Memories, effect, gap: float = 0.3, segments=None, **changed) -> np.ndarray:
+    segments = segments or bench.segments
     candidate = Candidate((effect,), (np.array([gap]),), **changed)
-    controls = Controls(bench.segments, [candidate], 1, bench.machine.model.nu)
-    rows = np.arange(bench.segments.size)
-    return memories(effect, bench.segments, rows, np.full((len(rows), 1), gap), controls)
+    controls = Controls(segments, [candidate], 1, bench.machine.model.nu)
+    rows = np.arange(segments.size)
+    return memories(effect, segments, rows, np.full((len(rows), 1), gap), controls)
 
 
 def test_the_same_question_is_answered_once(bench, counted) -> None:
@@ -36,17 +37,34 @@ def test_the_same_question_is_answered_once(bench, counted) -> None:
     assert len(made) == 1
 
 
-def test_another_gap_another_effect_or_another_control_is_another_question(bench, counted) -> None:
+def test_another_gap_effect_start_or_run_is_another_question(bench, counted) -> None:
     effect, made = counted
     memories = Memories(bench.engine.channels)
     ask(bench, memories, effect)
     assert not np.array_equal(ask(bench, memories, effect, 0.2), ask(bench, memories, effect, 0.3), equal_nan=True)
     ask(bench, memories, dataclasses.replace(effect, centred=False))
     assert len(made) == 4
+    other = bench.segments.pick(np.arange(bench.segments.size)[::-1])
+    assert not np.array_equal(ask(bench, memories, effect), kept := ask(bench, memories, effect, segments=other))
+    assert len(made) == 6
+    runs = tuple(dataclasses.replace(run, smooth=-run.smooth) for run in other.runs)
+    assert not np.array_equal(kept, ask(bench, memories, effect, segments=dataclasses.replace(other, runs=runs)))
+    assert len(made) == 7
+
+
+def test_a_control_of_the_simulations_is_none_of_what_was_before(bench, counted) -> None:
+    effect, made = counted
+    memories = Memories(bench.engine.channels)
+    plain = ask(bench, memories, effect)
     shove = np.ones((bench.segments.size, bench.segments.intervals, bench.machine.model.nu))
-    shoved = ask(bench, memories, effect, shove=shove)
-    assert len(made) == 5
-    assert not np.array_equal(shoved, ask(bench, memories, effect), equal_nan=True)
+    np.testing.assert_array_equal(ask(bench, memories, effect, shove=shove), plain)
+    gain = bench.effect("actuator_gain", "actuator:drive")
+    stronger = Candidate((effect, gain), (np.array([0.3]), np.array([-2.0])))
+    controls = Controls(bench.segments, [stronger], 1, bench.machine.model.nu)
+    rows = np.arange(bench.segments.size)
+    found = memories(effect, bench.segments, rows, np.full((len(rows), 1), 0.3), controls)
+    assert not np.array_equal(found, plain, equal_nan=True)
+    assert len(made) == 2
 
 
 def test_what_acts_on_no_joint_remembers_nothing(bench) -> None:

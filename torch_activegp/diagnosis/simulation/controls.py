@@ -66,11 +66,6 @@ class Controls:
         self._shoves = None if all(shove is None for shove in shoves) else added(zero, shoves)
         self._known: dict[tuple[int, ...], Array] = {(0,): self._all}
 
-    @property
-    def recorded(self) -> bool:
-        """Whether all simulations have the recorded controls."""
-        return self.held and self._shoves is None
-
     def states(self, own: OwnFilter) -> Array:
         """What a filter that is left to the simulation begins each segment with, ``(N * S,)``."""
         before = own.states(self._all, self._dt)
@@ -96,14 +91,21 @@ class Controls:
         return np.asarray(control.reshape(count * size, len(steps), nu))
 
     def past(self, which: NDArray[np.integer[Any]]) -> Past:
-        """What is known of the time before some of the simulations begin: clocks, and mean controls between rows."""
+        """What is known of the time before some of the simulations begin: clocks, and mean controls between rows.
 
-        def control(rows: int) -> Array:
-            steps = self(np.arange(-rows * self._substeps, 0))[which]
-            return np.asarray(steps.reshape(len(which), rows, self._substeps, -1).mean(axis=2))
+        Controls of candidates alone (:attr:`Candidate.shove`) are of the simulations, not of what was before.
+        """
+        candidate, segment = np.divmod(which, self._shape[1])
+
+        def control(some: NDArray[Any], rows: int) -> Array:
+            slot, part = self._slot[candidate[some], None], segment[some]
+            steps = self._first[part, None] + np.arange(-rows * self._substeps, 0)
+            at = np.clip(steps, 0, self._all.shape[2] - 1)
+            known = self._all[slot, self._run[part, None], at]
+            return np.asarray(known.reshape(len(some), rows, self._substeps, -1).mean(axis=2))
 
         ends = np.cumsum(self._dt, axis=1)[:, self._substeps - 1 :: self._substeps]
-        return Past(np.pad(ends, ((0, 0), (1, 0))), control)
+        return Past(np.pad(ends, ((0, 0), (1, 0))), self._slot[candidate], control)
 
     def interval(self, steps: NDArray[np.int64]) -> NDArray[np.int64]:
         """The interval that some time steps lie in, the first one for those before it."""

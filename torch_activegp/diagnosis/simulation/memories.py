@@ -63,10 +63,10 @@ class Memories:
         if not effect.needs_past:
             return effect.memory(positions, starts, values)
         asked = _Asked(effect, segments.runs, starts, values)
-        if self._asked is None or not controls.recorded or not asked.is_as(self._asked):
+        if self._asked is None or not controls.held or not asked.is_as(self._asked):
             past: tuple[Past, ...] = (controls.past(rows),)
             told = effect.memory(positions, starts, values, *past)
-            if not controls.recorded or told is None:
+            if not controls.held or told is None:
                 return told
             self._asked, self._told = asked, told
         return self._told.copy()  # simulations go on in it
