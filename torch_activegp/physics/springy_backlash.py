@@ -94,8 +94,8 @@ class SpringyDampedBacklash(SpringyBacklash):
     """The same with ends that give way, where the joint's damping is the rotor's."""
 
     law = (
-        "the motor's torque reaches the joint only at the ends of a gap, which are springs and dampers, and the joint's "
-        "damping acts on the motor"
+        "the motor's torque reaches the joint only at the ends of a gap, which are springs and dampers, and the "
+        "joint's damping acts on the motor"
     )
 
     @classmethod

@@ -4,10 +4,10 @@ import dataclasses
 
 import numpy as np
 import pytest
-from scipy.signal import butter, lfilter
+from scipy.signal import butter, filtfilt, lfilter
 
 from torch_activegp.diagnosis.noise.model import NoiseModel, colour_scale, high_differences
-from torch_activegp.diagnosis.preparation.noise_left import noise_behind, raised, recoloured
+from torch_activegp.diagnosis.preparation.noise_left import noise_behind, raised, recoloured, rises
 from torch_activegp.diagnosis.selection.judge import omnibus
 from torch_activegp.diagnosis.simulation.candidate import NOMINAL
 
@@ -239,3 +239,29 @@ def test_slow_errors_of_physics_are_not_taken_for_a_slight_colour(clean) -> None
     segments = dataclasses.replace(shooting.segments, position=shooting.segments.position + slow)
     bent = dataclasses.replace(shooting, segments=segments)
     assert not recoloured(bent, bent.fit([((), ())], fit.starts)[0]).colour.any()
+
+
+def left_behind(clean, errors: np.ndarray) -> bool:
+    """Whether errors of recordings of a perfect model rise with the frequency."""
+    segments = dataclasses.replace(clean.segments, position=bench_exact(clean) + errors)
+    noise = NoiseModel.white(np.array([errors.std()]))
+    shooting = dataclasses.replace(clean.shooting, segments=segments, noise=noise)
+    return rises(shooting, shooting.fit([((), ())], clean.nominal.starts)[0])
+
+
+@pytest.mark.parametrize("corner", [0.1, 0.3, 0.7])
+@pytest.mark.parametrize("order", [1, 2, 4])
+def test_noise_rises_nowhere_whatever_filtered_it(clean, order: int, corner: float) -> None:
+    shape = bench_exact(clean).shape
+    white = 1e-3 * np.random.default_rng(0).normal(size=(shape[0], 400 + shape[1], shape[2]))
+    assert not left_behind(clean, white[:, -shape[1] :])
+    for passed in (lfilter, filtfilt):
+        assert not left_behind(clean, passed(*butter(order, corner), white, axis=1)[:, 200 : 200 + shape[1]])
+
+
+@pytest.mark.parametrize(("part", "seen"), [(2.0, True), (1.0, True), (0.1, False)])
+def test_what_shakes_a_machine_rises_above_the_noise(clean, part: float, seen: bool) -> None:
+    rng, shape = np.random.default_rng(1), bench_exact(clean).shape
+    phase = rng.uniform(0.0, 2 * np.pi, (shape[0], 1, 1))
+    shaken = np.sin(2 * np.pi * 0.15 * np.arange(shape[1])[None, :, None] + phase)
+    assert left_behind(clean, 1e-3 * (rng.normal(size=shape) + part * np.sqrt(2.0) * shaken)) == seen

@@ -257,7 +257,19 @@ def test_more_must_be_left_without_a_name_where_a_filter_of_the_noise_cannot_be_
     segments = dataclasses.replace(bench.segments, dt=2.0 * bench.segments.dt)
     shooting = dataclasses.replace(bench.shooting, segments=segments)
     monkeypatch.setattr("torch_activegp.diagnosis.selection.judge.VISIBLE_UNSEEN", least)
+    monkeypatch.setattr("torch_activegp.diagnosis.selection.judge.rises", lambda shooting, fit: False)
     monkeypatch.setattr("torch_activegp.diagnosis.selection.judge.VISIBLE", 1e-4)
+    alone = Selection(bench.nominal, [bench.nominal], Score(shooting.samples, 20, 1.0))
+    assert judge(shooting, alone).verdict == verdict
+
+
+@pytest.mark.parametrize(("rising", "verdict"), [(True, "unknown"), (False, "none")])
+def test_what_no_filter_makes_is_seen_where_a_filter_cannot_be(bench, monkeypatch, rising: bool, verdict: str) -> None:
+    segments = dataclasses.replace(bench.segments, dt=2.0 * bench.segments.dt)
+    shooting = dataclasses.replace(bench.shooting, segments=segments)
+    monkeypatch.setattr("torch_activegp.diagnosis.selection.judge.VISIBLE_UNSEEN", 1e9)
+    monkeypatch.setattr("torch_activegp.diagnosis.selection.judge.VISIBLE_IN_COLOUR", 1e-4)
+    monkeypatch.setattr("torch_activegp.diagnosis.selection.judge.rises", lambda shooting, fit: rising)
     alone = Selection(bench.nominal, [bench.nominal], Score(shooting.samples, 20, 1.0))
     assert judge(shooting, alone).verdict == verdict
 
@@ -270,7 +282,7 @@ def test_names_that_gain_much_are_kept_before_noise_that_may_be_coloured(
 ) -> None:
     from torch_activegp.diagnosis.selection import judge as module
 
-    monkeypatch.setattr(module, "_visible", lambda shooting, left: False)
+    monkeypatch.setattr(module, "_visible", lambda shooting, fit, left: False)
     monkeypatch.setattr(module, "_may_be_coloured", lambda shooting: coloured)
     monkeypatch.setattr(module, "BEHIND_COLOUR", bar)
     wet = bench.fit("viscous_friction", 0.05)

@@ -41,6 +41,14 @@ _LESS_HIGH = (0.2, 1.25)
 noise."""
 _CHANCE = 4.0
 """Standard deviations of what chance makes of a correlation."""
+_RISES = 0.7
+"""Logarithm by which what is left must be louder at some frequency than at lower ones to be no filter's noise: at most
+0.3 of noise, white or filtered, recorded at 50 Hz, and 1.7 and 2.1 of a force that shook an arm."""
+_CHANCE_RISE = 4.5
+"""Five standard deviations of such a logarithm, times the root of values over lags."""
+_FAR, _APART, _ABSORBED, _LITTLE = 24, 8, 3.0, 1e-4
+"""Lags of its autocovariance, frequencies from one to those that are clearly lower, periods in a segment that initial
+states absorb much of, and part of the largest power that is none."""
 _LOUDER = 1.2
 _AS_LOUD, _SLIGHT = 1.15, 0.4
 """Floors are known to so much, in variance; the pole of a slight colour."""
@@ -107,6 +115,19 @@ def recoloured(shooting: Shooting, fit: Fit) -> NoiseModel:
         if no_louder and slight and left.is_white_behind(poles):
             scale[channel], colour[channel] = np.sqrt(new) / colour_scale(poles), poles
     return NoiseModel(scale, colour)
+
+
+def rises(shooting: Shooting, fit: Fit) -> bool:
+    """Whether what a fit leaves in some channel is louder at some frequency than at lower ones, as no filter leaves it.
+
+    Noise that an encoder or a recorder filtered falls with the frequency, whatever the filter.
+
+    Args:
+        shooting: the likelihood.
+        fit: of a set.
+    """
+    lefts = _left(shooting, fit)
+    return any(left.rise() > max(_RISES, _CHANCE_RISE * np.sqrt(_FAR / left.count)) for left in lefts)
 
 
 def raised(floor: NoiseModel, noise: NoiseModel) -> NoiseModel:
@@ -217,6 +238,25 @@ class _Left:
     def innovation(self, poles: tuple[float, float]) -> float:
         """Variance of what is new."""
         return max(float((self.fresh(poles) ** 2).sum() / self._usable.sum()) / self._freed, self._least, 1e-300)
+
+    def rise(self) -> float:
+        """Logarithm of the most by which it is louder at some frequency than in the mean of all that are clearly lower.
+
+        By its autocovariances under a window (Blackman and Tukey); not counting what initial states absorb.
+        """
+        known = np.zeros(self._series.shape, dtype=bool)
+        for late in range(3):
+            known[:, late : late + self._usable.shape[1]] |= self._usable
+        series, rows = np.where(known, self._series, 0.0), self._series.shape[1]
+        lags = np.arange(min(_FAR, rows - 1) + 1)
+        pairs = [(known[:, k:] & known[:, : rows - k]).sum() for k in lags]
+        level = [(series[:, k:] * series[:, : rows - k]).sum() / max(n, 1) for k, n in zip(lags, pairs, strict=True)]
+        window = np.where(lags > 0, 1.0, 0.5) * (1.0 + np.cos(np.pi * lags / lags[-1]))
+        frequency = np.linspace(0.0, 0.5, 5 * len(lags))
+        power = (window * level) @ np.cos(2.0 * np.pi * np.outer(lags, frequency))
+        told = np.log(np.maximum(power, _LITTLE * power.max()))[frequency > _ABSORBED / rows]
+        lower = np.cumsum(told) / np.arange(1, len(told) + 1)
+        return float((told[_APART:] - lower[:-_APART]).max())
 
     def is_white_behind(self, poles: tuple[float, float], least: float = _FRESH) -> bool:
         """Whether what is new is white, strictly: no correlation beyond so much, or chance."""

@@ -9,7 +9,7 @@ from collections.abc import Sequence
 import numpy as np
 from scipy import stats
 
-from torch_activegp.diagnosis.preparation.noise_left import recoloured
+from torch_activegp.diagnosis.preparation.noise_left import recoloured, rises
 from torch_activegp.diagnosis.selection.compared import Selection, fitted
 from torch_activegp.diagnosis.selection.free_force import free_force_columns
 from torch_activegp.diagnosis.selection.intervals import is_certain
@@ -171,7 +171,7 @@ def judge(shooting: Shooting, selection: Selection) -> Judgement:
     crowded = count >= MAX_EFFECTS and unexplained > (CROWDED if count == MAX_EFFECTS else OVERCROWDED)
     crowded = crowded and after.excess > SOME_NOISE * shooting.dof
     seen = SEEN if count < MANY else SEEN_BEHIND_MANY
-    most = seen if _visible(shooting, after) else INADEQUATE
+    most = seen if _visible(shooting, best, after) else INADEQUATE
     for times, share in ((CLEAR, SEEN_CLEARLY), (LOUD, SEEN_LOUD)):
         most = min(most, share) if best.chi2 > times * shooting.dof else most
     if selection.cut_short:
@@ -179,7 +179,7 @@ def judge(shooting: Shooting, selection: Selection) -> Judgement:
     verdict = "tie" if any(ties) else "named"
     if after.p_value < DOUBT and (unexplained > most or crowded):
         clear = plain and score(nominal) - score(best) > BEHIND_COLOUR  # what is fitted along follows colours too
-        if (crowded and unexplained <= INADEQUATE) or _visible(shooting, before):
+        if (crowded and unexplained <= INADEQUATE) or _visible(shooting, nominal, before):
             verdict = "unknown"
         elif not (clear and _may_be_coloured(shooting)):
             return _nameless(shooting, nominal, before, rivals)
@@ -190,7 +190,7 @@ def judge(shooting: Shooting, selection: Selection) -> Judgement:
 
 def _nameless(shooting: Shooting, fit: Fit, left: Omnibus, rivals: _Compared) -> Judgement:
     """Without a name: a mismatch that nothing explains, or none."""
-    unknown = _visible(shooting, left)
+    unknown = _visible(shooting, fit, left)
     verdict, share = ("unknown", 1.0) if unknown else ("none", 0.0)
     return Judgement(verdict, fit, (), (), (), (), (), share, not unknown, left.p_value, rivals)
 
@@ -201,10 +201,10 @@ def _may_be_coloured(shooting: Shooting) -> bool:
     return coloured and not any(run.video for run in shooting.segments.runs)
 
 
-def _visible(shooting: Shooting, left: Omnibus) -> bool:
+def _visible(shooting: Shooting, fit: Fit, left: Omnibus) -> bool:
     """Whether a mismatch without a name is large enough to be believed."""
     least = VISIBLE_IN_COLOUR if shooting.noise.colour.any() else VISIBLE
-    if shooting.hides_colour:
+    if shooting.hides_colour and not (left.excess > VISIBLE_IN_COLOUR * shooting.dof and rises(shooting, fit)):
         least = VISIBLE_WHEN_SLOW if float(np.median(shooting.segments.dt)) > SLOW else max(least, VISIBLE_UNSEEN)
     return left.p_value < SURE and left.excess > least * shooting.dof
 
