@@ -46,7 +46,7 @@ _RISES = 0.7
 0.3 of noise, white or filtered, recorded at 50 Hz, and 1.7 and 2.1 of a force that shook an arm."""
 _CHANCE_RISE = 4.5
 """Five standard deviations of such a logarithm, times the root of values over lags."""
-_FAR, _APART, _ABSORBED, _LITTLE = 24, 8, 3.0, 1e-4
+_FAR, _APART, _ABSORBED, _LITTLE = 60, 8, 3.0, 1e-4
 """Lags of its autocovariance, frequencies from one to those that are clearly lower, periods in a segment that initial
 states absorb much of, and part of the largest power that is none."""
 _LOUDER = 1.2
@@ -127,7 +127,7 @@ def rises(shooting: Shooting, fit: Fit) -> bool:
         fit: of a set.
     """
     lefts = _left(shooting, fit)
-    return any(left.rise() > max(_RISES, _CHANCE_RISE * np.sqrt(_FAR / left.count)) for left in lefts)
+    return any(left.rise() > max(_RISES, _CHANCE_RISE * np.sqrt(left.lags / left.count)) for left in lefts)
 
 
 def raised(floor: NoiseModel, noise: NoiseModel) -> NoiseModel:
@@ -239,6 +239,11 @@ class _Left:
         """Variance of what is new."""
         return max(float((self.fresh(poles) ** 2).sum() / self._usable.sum()) / self._freed, self._least, 1e-300)
 
+    @property
+    def lags(self) -> int:
+        """How far an autocovariance is asked for."""
+        return int(min(_FAR, self._series.shape[1] // 2))
+
     def rise(self) -> float:
         """Logarithm of the most by which it is louder at some frequency than in the mean of all that are clearly lower.
 
@@ -248,7 +253,7 @@ class _Left:
         for late in range(3):
             known[:, late : late + self._usable.shape[1]] |= self._usable
         series, rows = np.where(known, self._series, 0.0), self._series.shape[1]
-        lags = np.arange(min(_FAR, rows - 1) + 1)
+        lags = np.arange(self.lags + 1)
         pairs = [(known[:, k:] & known[:, : rows - k]).sum() for k in lags]
         level = [(series[:, k:] * series[:, : rows - k]).sum() / max(n, 1) for k, n in zip(lags, pairs, strict=True)]
         window = np.where(lags > 0, 1.0, 0.5) * (1.0 + np.cos(np.pi * lags / lags[-1]))

@@ -204,7 +204,9 @@ def _may_be_coloured(shooting: Shooting) -> bool:
 def _visible(shooting: Shooting, fit: Fit, left: Omnibus) -> bool:
     """Whether a mismatch without a name is large enough to be believed."""
     least = VISIBLE_IN_COLOUR if shooting.noise.colour.any() else VISIBLE
-    if shooting.hides_colour and not (left.excess > VISIBLE_IN_COLOUR * shooting.dof and rises(shooting, fit)):
+    if fit.chi2 > (1.0 + VISIBLE_IN_COLOUR) * shooting.dof and rises(shooting, fit):
+        return True  # though quicker than a force in bins of 0.2 s
+    if shooting.hides_colour:
         least = VISIBLE_WHEN_SLOW if float(np.median(shooting.segments.dt)) > SLOW else max(least, VISIBLE_UNSEEN)
     return left.p_value < SURE and left.excess > least * shooting.dof
 
