@@ -7,6 +7,7 @@ import pytest
 
 from torch_activegp.diagnosis.selection.compared import Selection
 from torch_activegp.diagnosis.selection.heats import Heat
+from torch_activegp.diagnosis.selection.screening import Atom, Screen
 from torch_activegp.diagnosis.selection.stand_ins import (
     _enough,
     _in_place,
@@ -195,3 +196,26 @@ def test_rivals_are_sought_as_long_as_may_be(bench, monkeypatch) -> None:
     )
     swap(found, bench.shooting, [bench.effect("quadratic_drag"), bench.effect("viscous_friction")], 7e6)
     assert ends == [7e6, 7e6]
+
+
+def test_all_that_gain_as_much_are_tried(bench, monkeypatch) -> None:
+    """An encoder's offset behind four others that gain a little more is no worse a name."""
+    from torch_activegp.diagnosis.selection import stand_ins
+
+    names = (
+        "constant_force",
+        "linear_spring",
+        "coulomb_friction",
+        "cogging",
+        "armature_error",
+        "sensor_bias",
+        "hysteresis",
+    )
+    gains = dict(zip(names, (100.0, 101.0, 100.5, 100.2, 100.1, 99.5, 98.0), strict=True))
+    effects = [next(e for e in bench.effects if e.name == name and not e.stands_in) for name in names]
+    atoms = tuple(Atom(e, e.seeds[0], gains[e.name], slice(0, 1), e.seeds[0]) for e in effects)
+    monkeypatch.setattr(stand_ins, "screen", lambda *_: Screen(atoms, np.eye(1), np.zeros(1)))
+    best = bench.fit("constant_force", 0.05)
+    found = _in_place(best, best.effects[0], bench.shooting, bench.nominal, effects)
+    tried = {effect.name for some, _ in found for effect in some}
+    assert tried == {*names[1:6]}
