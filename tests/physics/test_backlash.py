@@ -207,7 +207,10 @@ def test_a_light_rotor_with_much_damping_stays_stable(damping: float) -> None:
         effect, data = kind.at(JOINT, model), mujoco.MjData(model)
         rows, values = np.array([0]), np.full((1, 1), 0.05)
         memory = effect.memory(np.zeros((1, 3)), np.zeros((1, 2), dtype=int), values)
-        field = lambda name: getattr(model, name)[None]  # noqa: E731
+
+        def field(name: str) -> np.ndarray:
+            return np.asarray(getattr(model, name)[None])
+
         effect.edit(field, rows, values)
         for control in swings(step)[:, 0]:
             data.ctrl[0] = control

@@ -175,7 +175,7 @@ def test_seeds_and_words_are_sound(bench: Any, number: int) -> None:
 def test_an_absent_effect_changes_nothing(bench: Any, number: int) -> None:
     effect = effects(bench)[number]
     values = effect.absent(effect.seeds[-1]) + ABSENT.get(effect.name, 0.0)
-    close = 5e-4 if effect.variant.startswith("springy") else 3e-5  # as firm as time steps allow
+    close = {"springy": 2e-4, "springy, damped rotor": 5e-4}.get(effect.variant, 3e-5)  # as firm as time steps allow
     np.testing.assert_allclose(bench.hooks(effect, values)[:, :2], bench.nominal()[:, :2], atol=close)
 
 
