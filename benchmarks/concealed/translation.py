@@ -10,12 +10,11 @@
 | gains | gain | gain - 1 |
 | center_of_mass_offset, gravity_error | a vector | one effect an axis |
 | payload_mass | at the centre of mass or as far behind it | at the centre of mass, at the end, or everywhere |
-| actuator_saturation of a servo | of its force | of its control: another law, see :class:`ServoSaturation` |
+| actuator_saturation of a servo | of its force | of its force, and in another form of its control |
 """
 
 from __future__ import annotations
 
-import dataclasses
 import itertools
 from collections.abc import Callable, Mapping, Sequence
 from typing import Any
@@ -23,9 +22,9 @@ from typing import Any
 import mujoco
 import numpy as np
 
-from torch_activegp.physics import Effect, Parameter, Place
+from torch_activegp.physics import Effect, Place
 from torch_activegp.physics.cogging import ENDINGS, Cogging
-from torch_activegp.physics.effect import Array, Index
+from torch_activegp.physics.effect import Array
 from torch_activegp.physics.payload import PayloadMass
 
 Form = list[tuple[Effect, Array]]
@@ -34,36 +33,11 @@ Form = list[tuple[Effect, Array]]
 _VECTORS = ("center_of_mass_offset", "gravity_error")
 
 
-@dataclasses.dataclass(frozen=True, eq=False)
-class ServoSaturation(Effect):
-    """A position servo whose force ends at a limit; the package's saturation limits the control."""
-
-    index: int = 0
-
-    name = "actuator_saturation"
-    law = "clip(kp (u - q) - kv v, -limit, limit)"
-
-    @classmethod
-    def at(cls, place: Place, model: mujoco.MjModel, limit: float) -> ServoSaturation:
-        """Make the effect for a servo, with a first guess of its limit."""
-        parameter = Parameter("limit", "force", 0.03 * limit, low=0.02 * limit)
-        return cls(place.target, (parameter,), np.array([[limit]]), linear=0, index=place.index)
-
-    def edit(self, field: Callable[[str], Array], rows: Index, values: Array) -> bool:
-        """Set the range of the force."""
-        field("actuator_forcelimited")[rows, self.index] = True
-        field("actuator_forcerange")[rows, self.index] = values * np.array([-1.0, 1.0])
-        return False
-
-
-def described(truth: Mapping[str, Any], key: Mapping[str, Any]) -> dict[str, float]:
-    """True parameters as the package would say them; without those that it has no word for."""
+def described(truth: Mapping[str, Any]) -> dict[str, float]:
+    """True parameters as the package would say them."""
     values = {name: float(entry["value"]) for name, entry in truth["parameters"].items()}
-    name = truth["name"]
-    if name == "hysteresis":
+    if truth["name"] == "hysteresis":
         values["slip"] /= values["stiffness"]
-    if name == "actuator_saturation" and key["loop"] == "servo":
-        return {}
     return values
 
 
@@ -117,12 +91,10 @@ def true_forms(
 ) -> list[Form]:
     """All ways in which the package can hold a true effect, with its true parameters."""
     name, target = truth["name"], truth["target"]
-    words = described(truth, key)
-    if not words:
-        limit, index = float(truth["parameters"]["limit"]["value"]), model.actuator(target.partition(":")[2]).id
-        effect = ServoSaturation.at(Place(target, index), model, limit)
-        return [[(effect, np.array([limit]))]]
+    words = described(truth)
     forms = forms_of(name, target, words, effects)
+    if name == "actuator_saturation" and key["loop"] == "servo":
+        return [form for form in forms if form[0][0].variant == "force"]
     if name == "joint_stop":
         high = max(bound[1] for bound in truth["region"].values())
         return [form for form in forms if form[0][0].variant == ("upper" if high == np.inf else "lower")]

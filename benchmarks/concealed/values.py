@@ -26,7 +26,7 @@ def score_values(key: Mapping[str, Any], diagnosis: Mapping[str, Any]) -> list[d
     """Relative error (None without a zero) and whether the interval covers, for each parameter that both name."""
     rows = []
     for truth in key["effects"]:
-        words = described(truth, key)
+        words = described(truth)
         for effect in diagnosis.get("effects") or []:
             if normal(effect["name"], effect["target"]) != normal(truth["name"], truth["target"]):
                 continue

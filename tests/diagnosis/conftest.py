@@ -100,15 +100,51 @@ class Bench:
 
 
 def make_bench(kind: str) -> Bench:
-    model = mujoco.MjModel.from_xml_string(XML)
     recordings = [Recording.from_columns(f"run{i}", swing(kind, i)) for i in range(2)]
-    machine = make_machine(model, recordings, [Recording.from_columns("kept", swing(kind, 9))])
+    return assemble(kind, XML, recordings, Recording.from_columns("kept", swing(kind, 9)))
+
+
+def assemble(kind: str, xml: str, recordings: list[Recording], kept: Recording) -> Bench:
+    model = mujoco.MjModel.from_xml_string(xml)
+    machine = make_machine(model, recordings, [kept])
     engine = Engine(model, machine.channels, 2, 1)
     segments = cut(machine.fit, 0.5, 0.1)
     shooting = Shooting(engine, segments, NoiseModel.white(np.array([NOISE])))
     nominal = shooting.fit([((), ())], engine.starts(segments))[0]
     effects = tuple(effects_for(model, machine.channels, machine.fit))
     return Bench(kind, machine, engine, segments, shooting, effects, nominal)
+
+
+@dataclasses.dataclass(frozen=True)
+class Servo:
+    """The pendulum held by a position servo, whose force ends at a limit that the model does not have."""
+
+    xml = XML.replace('<motor name="drive" joint="hip"/>', '<position name="drive" joint="hip" kp="12" kv="1"/>')
+
+    def record(self, limit: float, seed: int) -> Recording:
+        """A run with steps of the command every 0.4 s, by the semi-implicit Euler scheme in steps of 0.2 ms."""
+        rng, h = np.random.default_rng(seed), 2e-4
+        time = np.arange(round(3.0 * RATE) + 1) / RATE
+        control = rng.uniform(-0.7, 0.7, 8)[(time / 0.4).astype(int)]
+        q, v, angles = 0.0, 0.0, []
+        for u in control:
+            angles.append(q)
+            for _ in range(round(1 / RATE / h)):
+                force = np.clip(12 * (u - q) - v, -limit, limit) - 9.81 * 0.5 * np.sin(q)
+                v += h * force / INERTIA
+                q += h * v
+        noisy = np.array(angles) + NOISE * rng.normal(size=len(time))
+        return Recording.from_columns(f"run{seed}", {"time": time, "qpos.hip": noisy, "ctrl.drive": control})
+
+    def bench(self, limit: float) -> Bench:
+        """What the diagnosis works with."""
+        return assemble(f"servo {limit}", self.xml, [self.record(limit, i) for i in range(2)], self.record(limit, 9))
+
+
+@pytest.fixture(scope="session")
+def servo() -> Servo:
+    """Records a servo."""
+    return Servo()
 
 
 @pytest.fixture(scope="session")

@@ -41,6 +41,20 @@ def test_nothing_is_named_where_nothing_was_left_out(diagnosed) -> None:
     assert "next.csv" not in found.files
 
 
+def test_a_servo_that_is_too_weak_is_named_with_the_limit_of_its_force(servo) -> None:
+    runs = [servo.record(3.5, seed) for seed in range(5)]
+    found = diagnose(servo.xml, runs[:4], runs[4:])
+    (effect,) = found.effects
+    assert (found.verdict, effect.name, effect.target) == ("named", "actuator_saturation", "actuator:drive")
+    assert effect.parameters["limit"].value == pytest.approx(3.5, rel=0.02)
+    assert "3.5 N m" in found.sentence
+    model = mujoco.MjModel.from_xml_string(found.files["corrected.xml"])
+    limit = effect.parameters["limit"].value
+    np.testing.assert_allclose(model.actuator_forcerange[0], [-limit, limit], rtol=1e-5)
+    errors = found.details["fit"]["holdout"]["free_run"]
+    assert errors["after"] < 1.3 * errors["noise"] < 0.3 * errors["before"]
+
+
 @pytest.mark.parametrize("path", ["runs/*.csv", Path("run.csv")])
 def test_a_path_in_place_of_recordings_is_refused(bench, path: str | Path) -> None:
     with pytest.raises(ConfigurationError, match=r"found a path. Read it: load_recordings\('run"):

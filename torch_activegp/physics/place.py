@@ -25,6 +25,7 @@ class Place:
         loss: the model's own ``frictionloss`` there.
         turns_back: whether a joint turns back within a recording, by more than a fiftieth of its range.
         both_ways: whether it goes both ways, in one recording or in two.
+        servo_force: largest absolute force that a servo gives by its own law, N m or N; 0 of other drives.
         free: beyond these positions the model touches something in all recorded poses, ``(low, high)``.
     """
 
@@ -42,6 +43,7 @@ class Place:
     loss: float = 0.0
     turns_back: bool = True
     both_ways: bool = True
+    servo_force: float = 0.0
     free: tuple[float, float] = (-math.inf, math.inf)
 
     @property

@@ -88,3 +88,23 @@ def test_numerics_are_not_chosen_behind_names_that_leave_most(bench, monkeypatch
     found = module.on_a_part(naming, numerics, noise, effects, lambda _: None)
     assert calls == (["select", "go_on"] if most else ["select", "choose", "select"])
     assert found.sets
+
+
+@pytest.mark.parametrize("odd", [True, False])
+def test_names_that_all_data_contradict_are_sought_where_they_leave_most(bench, monkeypatch, odd: bool) -> None:
+    """What shows in a few segments alone is not in a part that is spread evenly."""
+    for name, value in (("_ENOUGH", 1.0), ("FEWEST", 2.0), ("NOISE_ALONE", 0.0), ("_ODD", 0.0 if odd else 1e9)):
+        monkeypatch.setattr(module, name, value)
+    monkeypatch.setattr(module, "leaves_most", lambda *_: False)
+    asked: list[np.ndarray | None] = []
+    real = module._part
+    monkeypatch.setattr(module, "_part", lambda *a: asked.append(a[2] if len(a) > 2 else None) or real(*a))
+    naming = Naming(bench.engine, bench.shooting, bench.nominal, bench.nominal)
+    numerics, noise = Numerics.of(bench.machine, 1), bench.shooting.noise
+    module.on_a_part(naming, numerics, noise, [bench.effect("viscous_friction")], lambda _: None)
+    first, second = asked
+    assert first is None
+    assert (second is not None) == odd
+    if second is not None:
+        judged = bench.fit("viscous_friction", bench.viscous)
+        np.testing.assert_allclose(second, judged.per_segment, rtol=0.05)

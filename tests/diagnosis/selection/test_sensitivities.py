@@ -35,6 +35,19 @@ def test_columns_are_what_a_simulation_changes_by(clean, name, target, size) -> 
     assert np.abs(column[..., 0] - simulated).max() < 0.06 * np.abs(simulated).max()
 
 
+def test_a_limit_of_a_servos_force_is_what_a_simulation_changes_by(servo) -> None:
+    """Near its largest force, where what it loses changes the motion little."""
+    bench = servo.bench(np.inf)
+    effect = next(effect for effect in bench.effects if effect.variant == "force")
+    assert effect.parameters[0].unit == "N m"
+    linear = linearize(bench.shooting, bench.nominal)
+    wanted = [(effect, np.array([0.9 * effect.parameters[0].high]))]
+    column = effect_columns(bench.shooting, bench.nominal, wanted, linear, remembered(wanted, bench.shooting))
+    simulated = bench.predict(Candidate((effect,), (wanted[0][1],))) - bench.predict(bench.nominal.candidate)
+    assert np.abs(simulated).max() > 3 * bench.noise
+    assert np.abs(column[..., 0] - simulated).max() < 0.2 * np.abs(simulated).max()
+
+
 class SensorCurve(SensorEffect):
     """q + b q^2: a user's own."""
 

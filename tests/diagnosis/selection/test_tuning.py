@@ -127,3 +127,18 @@ def test_a_nominal_far_from_one_optimum_was_not_tuned(bench, monkeypatch, tuned:
     selection = Selection(nominal, [nominal, best], Score(bench.shooting.samples, 60, 1.0), tunable=(damping, rotor))
     assert is_a_tuning(bench.shooting, selection, [rotor], [damping]) is tuned
     assert is_a_tuning(bench.shooting, selection, [rotor] * 4, [damping])  # so many corrections are one anyway
+
+
+@pytest.mark.parametrize(("together", "tuned"), [(0.2, True), (0.4, False)])
+def test_one_correction_undoes_a_tuning_where_the_others_were_at_their_best(
+    bench, monkeypatch, together: float, tuned: bool
+) -> None:
+    """One thing that was tuned alone, with others far from where they fit, is what is missing."""
+    monkeypatch.setattr("torch_activegp.diagnosis.selection.tuning.only_undoes", lambda *_: True)
+    monkeypatch.setattr("torch_activegp.diagnosis.selection.tuning.fitted", lambda *_: bench.nominal)
+    damping, rotor = bench.effect("viscous_friction"), bench.effect("armature_error")
+    best = dataclasses.replace(bench.fit("viscous_friction", bench.viscous), chi2=bench.nominal.chi2 - 1000.0)
+    selection = Selection(bench.nominal, [bench.nominal, best], Score(bench.shooting.samples, 60, 1.0))
+    selection.tunable_gains = 100.0, 1000.0 * together
+    assert is_a_tuning(bench.shooting, selection, [rotor], [damping]) is tuned
+    assert is_a_tuning(bench.shooting, selection, [rotor, rotor], [damping])

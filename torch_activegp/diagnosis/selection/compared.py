@@ -45,7 +45,8 @@ class Selection:
         developed: sets on top of which others were fitted.
         simplified: chi2 of the best sets in place of which simpler ones were tried, and the scores that these had.
         tunable: all effects that a modeller may have tuned.
-        one_gains: the most that one of these gains on top of the nominal, to first order; None until it is asked for.
+        tunable_gains: the most that one of these gains on top of the nominal, and all together, to first order; None
+            until they are asked for.
     """
 
     nominal: Fit
@@ -57,7 +58,7 @@ class Selection:
     developed: set[frozenset[Effect]] = dataclasses.field(default_factory=set)
     simplified: set[tuple[float, Score]] = dataclasses.field(default_factory=set)
     tunable: tuple[Effect, ...] = ()
-    one_gains: float | None = None
+    tunable_gains: tuple[float, float] | None = None
 
     @property
     def best(self) -> Fit:

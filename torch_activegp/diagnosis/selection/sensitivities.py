@@ -18,6 +18,7 @@ from torch_activegp.physics.effect import Effect
 from torch_activegp.physics.joint import JointEffect
 from torch_activegp.physics.play import Hysteresis
 from torch_activegp.physics.sensing import SensorDelay, SensorEffect
+from torch_activegp.physics.servo import ServoSaturation
 
 _MOST_BYTES = 30_000_000
 """Of controls that are changed side by side."""
@@ -53,8 +54,7 @@ def effect_columns(
     shape = (*linear.states.shape[:2], len(linear.positions), len(wanted))
     out = np.zeros(shape)
     forces: dict[int, list[int]] = {}
-    simulated: list[int] = []
-    controlled: list[int] = []
+    others: dict[type[Effect], list[int]] = {kind: [] for kind in (ActuatorEffect, ServoSaturation, Effect)}
     channel = channels_of(shooting)
     for i, (effect, values) in enumerate(wanted):
         if isinstance(effect, JointEffect):
@@ -62,13 +62,16 @@ def effect_columns(
         elif isinstance(effect, SensorEffect):
             out[..., i] = _sensor_column(effect, values, linear, shooting.segments.dt)
         else:
-            (controlled if isinstance(effect, ActuatorEffect) else simulated).append(i)
+            next(members for kind, members in others.items() if isinstance(effect, kind)).append(i)
+    controlled, servos, simulated = others.values()
     for c, members in forces.items():
         laws = np.stack([_law(*wanted[i], linear, c, shooting, memory.get(i)) for i in members], axis=-1)
         out[..., members] = linear.respond_to_force(c, laws)
     if controlled:
         chosen = [(wanted[i][0], memory[i]) for i in controlled]
         out[..., controlled] = _control_columns(chosen, linear, shooting)
+    if servos:
+        out[..., servos] = _servo_columns([wanted[i] for i in servos], fit, linear, shooting)
     loads, columns = _inertial_columns(shooting, fit, {i: wanted[i] for i in simulated}, linear)
     out[..., loads] = columns
     simulated = [i for i in simulated if i not in loads]
@@ -191,6 +194,21 @@ def _control_columns(changed: Sequence[tuple[Effect, Array]], linear: Linearizat
         assert isinstance(effect, ActuatorEffect)
         index = np.minimum(segments.first[:, None] + np.arange(segments.intervals), mean.shape[1] - 1)
         inputs.append(linear.control[..., effect.index] * mean[segments.run[:, None], index][..., None])
+    return linear.respond(np.stack(inputs, axis=-1))
+
+
+def _servo_columns(
+    wanted: Sequence[tuple[Effect, Array]], fit: Fit, linear: Linearization, shooting: Shooting
+) -> Array:
+    """What limits of the forces of servos do, as changes of their controls along the fit, ``(S, K + 1, C, A)``."""
+    control = shooting.engine.controls(shooting.segments, fit.candidate)
+    middle = 0.5 * (linear.states[:, 1:] + linear.states[:, :-1])
+    inputs = []
+    for effect, values in wanted:
+        assert isinstance(effect, ServoSaturation) and effect.servo is not None
+        servo, speed = effect.servo, shooting.engine.model.nq + effect.servo.dof
+        lost = effect.lost(middle[..., servo.qpos], middle[..., speed], control[..., servo.index], values)
+        inputs.append(linear.control[..., servo.index] * lost[..., None])
     return linear.respond(np.stack(inputs, axis=-1))
 
 

@@ -33,6 +33,10 @@ _FEW, _TOO_MUCH = 3, 0.4
 """So few corrections undo no tuning where one tunable effect, whichever, gains more than this part alone: who had
 tuned would have found it. Tuned nominals measured 0.002 to 0.13, and 0.49 with five corrections; 0.53, 0.71 and 0.88
 were measured where a gain or a rotor beside a spring, a drag or a sensor's gain only happened to gain nothing alone."""
+_SINGLE = 0.3
+"""One correction undoes no tuning where all that is tunable together gains more than this part, to first order: the
+missing one would have moved the others too. An armature beside a cubic spring on a drive of two masses gained 0.01 of
+what it gained beside the spring, for the one slows what the other quickens, and with a gain 0.5."""
 _LIKELY = (0.4, 0.6, 0.85)
 """The same to first order, for what is worth a fit: 8 of 11 tuned cases measured 0.08 to 0.66, two effects 0.5 to 3."""
 
@@ -127,19 +131,23 @@ def is_a_tuning(
     shooting: Shooting, selection: Selection, tunable: Sequence[Effect], others: Sequence[Effect], needed: bool = False
 ) -> bool:
     """Whether the tunable ones of the best set's effects do no more than undo a tuning: see :func:`only_undoes`."""
-    if len(tunable) <= _FEW and _was_not_tuned(shooting, selection):
+    if len(tunable) <= _FEW and _was_not_tuned(shooting, selection, len(tunable)):
         return False
     alone, without = (fitted(shooting, selection, some) for some in (tunable, others))
     return only_undoes(selection.nominal, alone, without, selection.best, needed)
 
 
-def _was_not_tuned(shooting: Shooting, selection: Selection) -> bool:
-    """Whether the nominal is far from the optimum of one thing that a modeller would have tuned."""
+def _was_not_tuned(shooting: Shooting, selection: Selection, count: int) -> bool:
+    """Whether the nominal is far from the optimum of what a modeller would have tuned, for so many corrections."""
     nominal = selection.nominal
-    if selection.one_gains is None:
+    if selection.tunable_gains is None:
         screened = screen(shooting, nominal, selection.tunable)
-        selection.one_gains = max((screened.possible_gain([atom]) for atom in screened.best()), default=0.0)
-    return selection.one_gains > _TOO_MUCH * (nominal.chi2 - selection.best.chi2)
+        atoms = screened.best()
+        alone = max((screened.possible_gain([atom]) for atom in atoms), default=0.0)
+        selection.tunable_gains = alone, screened.possible_gain(atoms) if atoms else 0.0
+    alone, together = selection.tunable_gains
+    explained = nominal.chi2 - selection.best.chi2
+    return alone > _TOO_MUCH * explained or (count == 1 and together > _SINGLE * explained)
 
 
 def only_undoes(nominal: Fit, alone: Fit, without: Fit, best: Fit, needed: bool = False) -> bool:

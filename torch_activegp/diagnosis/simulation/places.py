@@ -13,6 +13,7 @@ from torch_activegp.diagnosis.simulation.prescribed_motion import only_on
 from torch_activegp.diagnosis.simulation.touching import TOUCHING, poses_that_touch
 from torch_activegp.physics import Effect, Place, catalogue
 from torch_activegp.physics.body import BodyEffect
+from torch_activegp.physics.servo import ServoLaw
 
 _BACK = 0.02
 """Part of the whole range by which a joint turns back within a run: the smallest slip that is tried first."""
@@ -128,5 +129,17 @@ def _actuators(model: mujoco.MjModel, channels: Channels, runs: Sequence[Run]) -
         signal: Array = control[:, first]
         if np.ptp(signal) > 0:
             name = model.actuator(i).name or f"actuator{i}"
-            places.append(Place(f"actuator:{name}", first, control=float(np.abs(signal).max()), dt=median_step(runs)))
+            most = float(np.abs(signal).max())
+            force = _servo_force(model, channels, runs, int(i))
+            places.append(Place(f"actuator:{name}", first, control=most, dt=median_step(runs), servo_force=force))
     return places
+
+
+def _servo_force(model: mujoco.MjModel, channels: Channels, runs: Sequence[Run], actuator: int) -> float:
+    """The most that a servo gives along the recordings; 0 of other drives, and of one whose joint is not recorded."""
+    servo = ServoLaw.of(model, actuator)
+    if servo is None or servo.dof not in channels.dof:
+        return 0.0
+    c = int(np.flatnonzero(channels.dof == servo.dof)[0])
+    along = (servo.force(run.smooth[:-1, c], run.velocity[:-1, c], run.control[:, servo.index]) for run in runs)
+    return max(float(np.abs(force).max()) for force in along)

@@ -1,0 +1,73 @@
+from __future__ import annotations
+
+import dataclasses
+from typing import Any
+
+import mujoco
+import numpy as np
+import pytest
+
+from torch_activegp.physics.servo import ServoLaw, ServoSaturation
+
+
+@pytest.fixture
+def effect(bench: Any) -> ServoSaturation:
+    return ServoSaturation.at(dataclasses.replace(bench.servo, servo_force=2.0), bench.model)
+
+
+@pytest.mark.parametrize("limit", [0.3, 0.8])
+def test_the_models_file_does_the_same(bench: Any, effect: ServoSaturation, limit: float) -> None:
+    assert bench.gap(bench.hooks(effect, [limit]), bench.written(effect, [limit])) < 1e-9
+
+
+def test_a_limit_of_the_force_is_another_law_than_one_of_the_command(bench: Any, effect: ServoSaturation) -> None:
+    limited = bench.hooks(effect, [0.9])
+    data = mujoco.MjData(bench.model)
+    beyond = 0
+    for state, control in zip(limited[:-1], bench.control[1:], strict=True):
+        data.qpos[:], data.qvel[:], data.ctrl[:] = state[:2], state[2:], control
+        mujoco.mj_forward(bench.model, data)
+        law = effect.servo.force(state[1:2], state[3:4], control[1:2])
+        np.testing.assert_allclose(law, data.actuator_force[1], atol=1e-12)
+        lost = effect.lost(state[1:2], state[3:4], control[1:2], np.array([0.9]))
+        left = effect.servo.force(state[1:2], state[3:4], control[1:2] + lost)
+        np.testing.assert_allclose(left, np.clip(law, -0.9, 0.9))
+        beyond += abs(data.actuator_force[1]) > 0.9
+    assert 50 < beyond < 950
+
+
+def test_a_narrower_limit_of_the_model_stays(bench: Any, effect: ServoSaturation) -> None:
+    narrow = dataclasses.replace(bench, xml=bench.xml.replace('kv=".2"', 'kv=".2" forcerange="-.2 3"'))
+    spec = narrow.spec
+    assert effect.write(spec, np.array([0.5]))
+    np.testing.assert_allclose(spec.actuators[1].forcerange, [-0.2, 0.5])
+    assert narrow.gap(narrow.hooks(effect, [0.5]), narrow.written(effect, [0.5])) < 1e-9
+
+
+@pytest.mark.parametrize(
+    ("drive", "servo"),
+    [
+        ('<motor name="servo" joint="elbow"/>', False),
+        ('<velocity name="servo" joint="elbow" kv="2"/>', True),
+        ('<position name="servo" joint="elbow" kp="5" timeconst="0.1"/>', False),
+        ('<general name="servo" joint="elbow" gear="3" gainprm="2" biastype="affine" biasprm="1 -4 -1"/>', True),
+    ],
+)
+def test_only_a_force_that_depends_on_the_motion_has_one(bench: Any, drive: str, servo: bool) -> None:
+    text = bench.xml.replace('<position name="servo" joint="elbow" kp="5" kv=".2"/>', drive)
+    model = mujoco.MjModel.from_xml_string(text)
+    assert (ServoLaw.of(model, 1) is not None) == servo
+    assert ServoSaturation.fits(dataclasses.replace(bench.servo, servo_force=1.0), model) == servo
+    assert not ServoSaturation.fits(bench.servo, model)  # that gives no force in the recordings
+    if servo:
+        law, data = ServoLaw.of(model, 1), mujoco.MjData(model)
+        data.qpos[:], data.qvel[:], data.ctrl[:] = (0.1, 0.2), (0.3, -0.4), (0.0, 0.5)
+        mujoco.mj_forward(model, data)
+        assert law.force(0.2, -0.4, 0.5) == pytest.approx(data.actuator_force[1])
+
+
+def test_a_geared_servo_is_limited_before_its_gear(bench: Any) -> None:
+    geared = dataclasses.replace(bench, xml=bench.xml.replace('kv=".2"', 'kv=".2" gear="3"'))
+    effect = ServoSaturation.at(dataclasses.replace(bench.servo, servo_force=2.0), geared.model)
+    assert geared.gap(geared.hooks(effect, [0.4]), geared.written(effect, [0.4])) < 1e-9
+    assert effect.drives == "joint:elbow"
