@@ -7,7 +7,7 @@ import mujoco
 import numpy as np
 import pytest
 
-from torch_activegp.physics.servo import ServoLaw, ServoSaturation
+from torch_activegp.physics.servo import ServoGain, ServoLaw, ServoSaturation
 
 
 @pytest.fixture
@@ -29,7 +29,7 @@ def test_a_limit_of_the_force_is_another_law_than_one_of_the_command(bench: Any,
         mujoco.mj_forward(bench.model, data)
         law = effect.servo.force(state[1:2], state[3:4], control[1:2])
         np.testing.assert_allclose(law, data.actuator_force[1], atol=1e-12)
-        lost = effect.lost(state[1:2], state[3:4], control[1:2], np.array([0.9]))
+        lost = effect.change(state[1:2], state[3:4], control[1:2], np.array([0.9]))
         left = effect.servo.force(state[1:2], state[3:4], control[1:2] + lost)
         np.testing.assert_allclose(left, np.clip(law, -0.9, 0.9))
         beyond += abs(data.actuator_force[1]) > 0.9
@@ -71,3 +71,23 @@ def test_a_geared_servo_is_limited_before_its_gear(bench: Any) -> None:
     effect = ServoSaturation.at(dataclasses.replace(bench.servo, servo_force=2.0), geared.model)
     assert geared.gap(geared.hooks(effect, [0.4]), geared.written(effect, [0.4])) < 1e-9
     assert effect.drives == "joint:elbow"
+
+
+@pytest.mark.parametrize("excess", [0.2, -0.3])
+def test_a_weaker_servo_is_weaker_in_its_feedback_too(bench: Any, excess: float) -> None:
+    effect = ServoGain.at(dataclasses.replace(bench.servo, servo_force=2.0), bench.model)
+    hooked = bench.hooks(effect, [excess])
+    assert bench.gap(hooked, bench.written(effect, [excess])) < 1e-9
+    stiff = dataclasses.replace(
+        bench, xml=bench.xml.replace('kp="5" kv=".2"', f'kp="{5 + 5 * excess}" kv="{0.2 + 0.2 * excess}"')
+    )
+    np.testing.assert_allclose(hooked, stiff.nominal(), atol=1e-12)
+    assert effect.describe(np.array([excess])) == {"gain": 1 + excess}
+    force = effect.law_of_it.force(0.1, 0.2, 0.3)
+    assert effect.change(0.1, 0.2, 0.3, np.array([excess])) * 5 == pytest.approx(excess * force)
+
+
+def test_a_damping_by_ratio_is_not_scaled(bench: Any) -> None:
+    ratio = dataclasses.replace(bench, xml=bench.xml.replace('kv=".2"', 'dampratio="1"'))
+    effect = ServoGain.at(dataclasses.replace(bench.servo, servo_force=2.0), ratio.model)
+    assert not effect.write(ratio.spec, np.array([0.1]))

@@ -21,7 +21,7 @@ from torch_activegp.physics.payload import DensityError, PayloadAlong, PayloadAs
 from torch_activegp.physics.place import Place
 from torch_activegp.physics.play import MEMORY
 from torch_activegp.physics.sensing import SENSING, SensorEffect
-from torch_activegp.physics.servo import ServoSaturation
+from torch_activegp.physics.servo import SERVO
 from torch_activegp.physics.soft_friction import SoftCoulombFriction
 from torch_activegp.physics.springs import POSITION_FORCES
 from torch_activegp.physics.springy_backlash import SPRINGY_BACKLASH
@@ -38,7 +38,7 @@ _LISTED: tuple[type[Effect], ...] = (
     *BACKLASH,
     *SPRINGY_BACKLASH,
     *ACTUATION,
-    ServoSaturation,
+    *SERVO,
     *SENSING,
     *_BODY_EFFECTS,
     GravityError,
@@ -69,7 +69,7 @@ def catalogue(
             take a place and a model or returns something else.
     """
     on_joints: tuple[type[Effect], ...] = (*JOINT_EFFECTS, SoftCoulombFriction, *BACKLASH, *SPRINGY_BACKLASH)
-    on_drives: tuple[type[Effect], ...] = (*ACTUATION, ServoSaturation)
+    on_drives: tuple[type[Effect], ...] = (*ACTUATION, *SERVO)
     listed = ((joints, on_joints), (actuators, on_drives), (sensors, SENSING))
     pairs = ((place, kind) for places, kinds in listed for place in places for kind in kinds)
     effects: list[Effect] = [kind.at(place, model) for place, kind in pairs if kind.fits(place, model)]

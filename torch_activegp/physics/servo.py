@@ -1,15 +1,15 @@
-"""A drive whose force depends on the motion, such as a position servo, and gives no more than its limit."""
+"""Drives whose force depends on the motion, such as position servos: all of it may be weaker, or end at a limit."""
 
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from typing import Self
 
 import mujoco
 import numpy as np
 
-from torch_activegp.physics.actuation import ActuatorSaturation
+from torch_activegp.physics.actuation import ActuatorGain, ActuatorSaturation, narrower
 from torch_activegp.physics.effect import Array, Effect, Index, Parameter, element
 from torch_activegp.physics.place import Place
 
@@ -74,8 +74,8 @@ class ServoLaw:
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
-class ServoSaturation(Effect):
-    """clip(f, -limit, limit) of a servo's force f, its feedback included; `ActuatorSaturation` limits its command.
+class ServoEffect(Effect):
+    """Base of the effects on the force of a servo, its feedback included.
 
     Args:
         servo: its law.
@@ -83,46 +83,60 @@ class ServoSaturation(Effect):
 
     servo: ServoLaw | None = None
 
-    name = "actuator_saturation"
-    never_negative = frozenset({"limit"})
-    law = "clip(f, -limit, limit) of the servo's force f"
-    order = ActuatorSaturation.order
-
     @classmethod
     def fits(cls, place: Place, model: mujoco.MjModel) -> bool:
         """Whether the drive is a servo that moves a recorded joint."""
         return place.servo_force > 0.0 and ServoLaw.of(model, _actuator_at(place, model)) is not None
 
     @classmethod
-    def at(cls, place: Place, model: mujoco.MjModel) -> Self:
-        """Makes the effect for an actuator, sized by the force that it gives in the recordings."""
-        servo, top = ServoLaw.of(model, _actuator_at(place, model)), place.servo_force
-        assert servo is not None
-        slides = model.jnt_type[model.dof_jntid[servo.dof]] == mujoco.mjtJoint.mjJNT_SLIDE
-        parameter = Parameter("limit", "N" if slides else "N m", 0.03 * top, low=0.02 * top, high=top, place=True)
-        seeds = top * np.array(_SEEDS)[:, None]
-        return cls(place.target, (parameter,), seeds, linear=0, variant="force", servo=servo)
+    def make(cls, place: Place, model: mujoco.MjModel, parameter: Parameter, seeds: Sequence[float]) -> Self:
+        """Makes the effect for an actuator."""
+        servo = ServoLaw.of(model, _actuator_at(place, model))
+        return cls(place.target, (parameter,), np.array(seeds)[:, None], linear=0, variant="force", servo=servo)
+
+    @property
+    def law_of_it(self) -> ServoLaw:
+        """The servo's law."""
+        assert self.servo is not None
+        return self.servo
 
     @property
     def drives(self) -> str:
         """The joint that it acts on."""
-        assert self.servo is not None
-        return f"joint:{self.servo.joint}"
+        return f"joint:{self.law_of_it.joint}"
 
-    def lost(self, position: Array, velocity: Array, control: Array, values: Array) -> Array:
-        """What its force loses along a motion, in units of its control; arguments as of :meth:`ServoLaw.force`."""
-        assert self.servo is not None
-        force = self.servo.force(position, velocity, control)
-        return np.asarray((np.clip(force, -values[0], values[0]) - force) / self.servo.gain)
+    def change(self, position: Array, velocity: Array, control: Array, values: Array) -> Array:
+        """What is added to its force along a motion, in units of its control; arguments as :meth:`ServoLaw.force`."""
+        raise NotImplementedError
+
+
+class ServoSaturation(ServoEffect):
+    """clip(f, -limit, limit) of a servo's force f, its feedback included; `ActuatorSaturation` limits its command."""
+
+    name = "actuator_saturation"
+    never_negative = frozenset({"limit"})
+    law = "clip(f, -limit, limit) of the servo's force f"
+    order = ActuatorSaturation.order
+
+    @classmethod
+    def at(cls, place: Place, model: mujoco.MjModel) -> Self:
+        """Makes the effect for an actuator, sized by the force that it gives in the recordings."""
+        top = place.servo_force
+        joint = model.actuator_trnid[_actuator_at(place, model), 0]
+        unit = "N" if model.jnt_type[joint] == mujoco.mjtJoint.mjJNT_SLIDE else "N m"
+        parameter = Parameter("limit", unit, 0.03 * top, low=0.02 * top, high=top, place=True)
+        return cls.make(place, model, parameter, [top * share for share in _SEEDS])
+
+    def change(self, position: Array, velocity: Array, control: Array, values: Array) -> Array:
+        """What it loses."""
+        force = self.law_of_it.force(position, velocity, control)
+        return np.asarray((np.clip(force, -values[0], values[0]) - force) / self.law_of_it.gain)
 
     def edit(self, field: Callable[[str], Array], rows: Index, values: Array) -> bool:
         """Narrows ``actuator_forcerange``."""
-        assert self.servo is not None
-        limited, ends = field("actuator_forcelimited"), field("actuator_forcerange")
-        at = self.servo.actuator
+        limited, ends, at = field("actuator_forcelimited"), field("actuator_forcerange"), self.law_of_it.actuator
         was = limited[rows, at].astype(bool)[:, None]
-        open_ended = np.array([-np.inf, np.inf])
-        low, high = np.where(was, ends[rows, at], open_ended).T
+        low, high = np.where(was, ends[rows, at], np.array([-np.inf, np.inf])).T
         ends[rows, at] = np.stack([np.maximum(low, -values[:, 0]), np.minimum(high, values[:, 0])], axis=1)
         limited[rows, at] = True
         return False
@@ -130,13 +144,52 @@ class ServoSaturation(Effect):
     def write(self, spec: mujoco.MjSpec, values: Array) -> bool:
         """Writes ``forcerange``."""
         actuator, limit = element(spec, spec.actuators, self.target), float(values[0])
-        low, high = actuator.forcerange
-        open_ended = not low < high
-        actuator.forcerange = np.array([-limit, limit] if open_ended else [max(low, -limit), min(high, limit)])
+        actuator.forcerange = narrower(actuator.forcerange, limit)
         actuator.forcelimited = mujoco.mjtLimited.mjLIMITED_TRUE
         return True
+
+
+class ServoGain(ServoEffect):
+    """(1 + c) f: all of a servo's force f is stronger or weaker; `ActuatorGain` scales its command alone."""
+
+    name = "actuator_gain"
+    law = "g f of the servo's force f"
+    order = ActuatorGain.order
+
+    @classmethod
+    def at(cls, place: Place, model: mujoco.MjModel) -> Self:
+        """Makes the effect for an actuator."""
+        made = cls.make(place, model, Parameter("excess", "1", 0.05, low=-0.95, high=9.0), [0.05])
+        return dataclasses.replace(made, linear=1, tunable=True)
+
+    def change(self, position: Array, velocity: Array, control: Array, values: Array) -> Array:
+        """What it gains."""
+        return np.asarray(values[0] * self.law_of_it.force(position, velocity, control) / self.law_of_it.gain)
+
+    def edit(self, field: Callable[[str], Array], rows: Index, values: Array) -> bool:
+        """Scales ``actuator_gainprm`` and ``actuator_biasprm``."""
+        for name in ("actuator_gainprm", "actuator_biasprm"):
+            field(name)[rows, self.law_of_it.actuator, :3] *= 1.0 + values
+        return False
+
+    def write(self, spec: mujoco.MjSpec, values: Array) -> bool:
+        """Scales ``gainprm`` and ``biasprm``, but not a damping that is given as a ratio."""
+        actuator = element(spec, spec.actuators, self.target)
+        if actuator.biasprm[2] > 0.0:
+            return False
+        actuator.gainprm[0] *= 1.0 + float(values[0])
+        actuator.biasprm[:3] *= 1.0 + float(values[0])
+        return True
+
+    def describe(self, values: Array) -> dict[str, float]:
+        """The gain, 1 for the model's own."""
+        return {"gain": 1.0 + float(values[0])}
 
 
 def _actuator_at(place: Place, model: mujoco.MjModel) -> int:
     """The number of the actuator that a place's control feeds."""
     return int(np.flatnonzero((model.actuator_ctrladr == place.index) & (model.actuator_ctrlnum > 0))[0])
+
+
+SERVO: tuple[type[ServoEffect], ...] = (ServoGain, ServoSaturation)
+"""The family, in the order in which a modeller would try them."""

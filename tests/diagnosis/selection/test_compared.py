@@ -110,7 +110,14 @@ def test_few_names_may_explain_as_much_as_many(bench, found) -> None:
     for share, needed in ((0.004, False), (0.006, True)):
         found.fits[1] = dataclasses.replace(wet, chi2=many.chi2 + share * (bench.nominal.chi2 - many.chi2))
         assert found.needs_more_than(2) is needed
-    found.fits[1] = wet
+    named = found.score
+    found.score = dataclasses.replace(named, free=frozenset(effect.key for effect in names))  # names cost nothing
+    weak = found.score.a_parameter * (many.size - wet.size)  # nor is what more parameters gain anyway
+    for gain, needed in ((0.9 * weak, False), (1.1 * weak, True)):
+        found.fits[1] = dataclasses.replace(wet, chi2=many.chi2 + gain)
+        found.nominal = dataclasses.replace(bench.nominal, chi2=many.chi2 + 5.0 * weak)
+        assert found.needs_more_than(2) is needed
+    found.fits[1], found.score = wet, named
     assert not Selection(bench.nominal, [bench.nominal], found.score).needs_more_than(2)
 
 

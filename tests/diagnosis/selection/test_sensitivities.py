@@ -11,6 +11,7 @@ from torch_activegp.diagnosis.shooting.linearize import linearize
 from torch_activegp.diagnosis.simulation.candidate import Candidate
 from torch_activegp.physics.effect import Parameter
 from torch_activegp.physics.sensing import SensorEffect
+from torch_activegp.physics.servo import ServoSaturation
 
 
 @pytest.mark.parametrize(
@@ -38,7 +39,7 @@ def test_columns_are_what_a_simulation_changes_by(clean, name, target, size) -> 
 def test_a_limit_of_a_servos_force_is_what_a_simulation_changes_by(servo) -> None:
     """Near its largest force, where what it loses changes the motion little."""
     bench = servo.bench(np.inf)
-    effect = next(effect for effect in bench.effects if effect.variant == "force")
+    effect = next(effect for effect in bench.effects if isinstance(effect, ServoSaturation))
     assert effect.parameters[0].unit == "N m"
     linear = linearize(bench.shooting, bench.nominal)
     wanted = [(effect, np.array([0.9 * effect.parameters[0].high]))]

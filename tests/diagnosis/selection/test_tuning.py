@@ -142,3 +142,18 @@ def test_one_correction_undoes_a_tuning_where_the_others_were_at_their_best(
     selection.tunable_gains = 100.0, 1000.0 * together
     assert is_a_tuning(bench.shooting, selection, [rotor], [damping]) is tuned
     assert is_a_tuning(bench.shooting, selection, [rotor, rotor], [damping])
+
+
+@pytest.mark.parametrize(("count", "needed", "left", "tuned"), [
+    (4, True, 1.05, True), (3, True, 1.05, False), (4, False, 1.05, False), (4, True, 1.2, False),
+])  # fmt: skip
+def test_many_corrections_that_no_few_names_make_up_for_are_a_tuning(
+    bench, monkeypatch, count: int, needed: bool, left: float, tuned: bool
+) -> None:
+    monkeypatch.setattr("torch_activegp.diagnosis.selection.tuning.only_undoes", lambda *_: False)
+    monkeypatch.setattr("torch_activegp.diagnosis.selection.tuning.fitted", lambda *_: bench.nominal)
+    damping, rotor = bench.effect("viscous_friction"), bench.effect("armature_error")
+    best = dataclasses.replace(bench.fit("viscous_friction", bench.viscous), chi2=left * bench.shooting.dof)
+    selection = Selection(bench.nominal, [bench.nominal, best], Score(bench.shooting.samples, 60, 1.0))
+    selection.tunable_gains = 0.0, 0.0
+    assert is_a_tuning(bench.shooting, selection, [rotor] * count, [damping], needed) is tuned

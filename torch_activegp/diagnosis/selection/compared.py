@@ -129,9 +129,11 @@ class Selection:
         )
 
     def needs_more_than(self, names: int) -> bool:
-        """Whether no set of so many effects explains about as much as the best one does."""
-        few = min((fit.chi2 for fit in self.fits if fit.plausible and len(fit.effects) <= names), default=np.inf)
-        return few - self.best.chi2 > _AS_MUCH * (self.nominal.chi2 - self.best.chi2)
+        """Whether no set of so many effects explains about as much as the best one does, for its parameters."""
+        few = min((f for f in self.fits if f.plausible and len(f.effects) <= names), key=lambda fit: fit.chi2)
+        lost, more = few.chi2 - self.best.chi2, self.best.size - few.size
+        worth = self.score.scale * self.score.a_parameter * max(more, 0)
+        return lost > max(_AS_MUCH * (self.nominal.chi2 - self.best.chi2), worth)
 
     @property
     def dominated(self) -> bool:

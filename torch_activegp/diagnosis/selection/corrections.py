@@ -14,7 +14,9 @@ from torch_activegp.diagnosis.selection.screening import screen
 from torch_activegp.diagnosis.selection.tuning import is_a_tuning
 from torch_activegp.diagnosis.shooting.fit import Fit
 from torch_activegp.diagnosis.shooting.likelihood import Shooting
+from torch_activegp.physics.actuator import ActuatorEffect
 from torch_activegp.physics.effect import Effect
+from torch_activegp.physics.servo import ServoEffect
 
 _MOST = 5
 _FAR = 4
@@ -85,5 +87,5 @@ def _only_corrects(selection: Selection, shooting: Shooting, needed: bool) -> bo
 
 def _joint(effect: Effect) -> str:
     """The joint that an effect acts on, or its own target where there is no single one."""
-    driven = getattr(effect, "drives", "")
+    driven = effect.drives if isinstance(effect, ActuatorEffect | ServoEffect) else ""
     return (driven or effect.target).replace("sensor:", "joint:")

@@ -112,7 +112,7 @@ class Screen:
         for atom in atoms:
             index = _columns_of([*kept, atom])
             matrix, _ = scaled(self.normal[np.ix_(index, index)])
-            left, _ = _without(len(index) - (atom.columns.stop - atom.columns.start), matrix, self.gradient[index])
+            left, _ = without(len(index) - (atom.columns.stop - atom.columns.start), matrix, self.gradient[index])
             if np.linalg.eigvalsh(left)[0] > _ALIKE:
                 kept.append(atom)
         return kept
@@ -159,11 +159,11 @@ def screen(shooting: Shooting, fit: Fit, effects: Sequence[Effect]) -> Screen:
         start, held, tested = (part.whiten_columns(block) for block in blocks)
         more, along = project(start, np.concatenate([held, tested], axis=-1), part.residual_of(here))
         normal, gradient = (normal + more, gradient + along) if normal.size else (more, along)
-    normal, gradient = _without(fit.size, normal, gradient)
+    normal, gradient = without(fit.size, normal, gradient)
     atoms, at = [], 0
     for effect, seed, width in plan:
         where = slice(at, at + width)
-        atoms.append(_atom(effect, seed, where, *gained_by(normal[where, where], gradient[where])))
+        atoms.append(atom_at(effect, seed, where, *gained_by(normal[where, where], gradient[where])))
         if effect.vector and not np.diag(normal)[where].all():  # a component that shows nowhere: the others are enough
             atoms[-1] = dataclasses.replace(atoms[-1], gain=0.0)
         at += width
@@ -202,7 +202,8 @@ def _scanned(channel: Mapping[int, int], rows: Iterable[_Row], effects: Sequence
     return out
 
 
-def _atom(effect: Effect, seed: Array, where: slice, gain: float, amplitude: Array) -> Atom:
+def atom_at(effect: Effect, seed: Array, where: slice, gain: float, amplitude: Array) -> Atom:
+    """An effect at one of its seeds with what its columns gain, and with which amplitudes of them."""
     values = _with_amplitude(effect, seed, amplitude)
     wanted = np.any(values[: effect.linear]) if effect.linear else amplitude[0] > 0.0
     if wanted and _is_a_size(effect):  # all seeds of a small one gain the same: the one that comes near it leads
@@ -253,7 +254,7 @@ def _parts(shooting: Shooting, columns: int) -> list[NDArray[np.int64]]:
     return np.array_split(np.arange(segments.size), min(max(count, 1), segments.size))
 
 
-def _without(count: int, normal: Array, gradient: Array) -> tuple[Array, Array]:
+def without(count: int, normal: Array, gradient: Array) -> tuple[Array, Array]:
     """Normal equations after the first parameters, such as those that are fitted already, are projected out too.
 
     What shows nowhere, or is what they do, has zeros: its rounding errors would be taken for something.

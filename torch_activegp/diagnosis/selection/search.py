@@ -8,6 +8,7 @@ from collections.abc import Callable, Iterator, Sequence
 import numpy as np
 
 from torch_activegp.diagnosis.inputs.runs import Array
+from torch_activegp.diagnosis.selection.aliases import try_aliases
 from torch_activegp.diagnosis.selection.compared import Selection
 from torch_activegp.diagnosis.selection.development import be_fair, expand, simplify
 from torch_activegp.diagnosis.selection.prospects import MAX_EFFECTS, cannot_win, hopeless, is_alike
@@ -119,6 +120,8 @@ def go_on(
     if selection.score.free and not _only_undoes(selection, shooting):
         selection.score = selection.score.without_free()
         search(selection, shooting, effects, tell, depth)
+    if selection.cut_short:
+        try_aliases(selection, shooting, effects)
     return selection
 
 

@@ -18,7 +18,7 @@ from torch_activegp.physics.effect import Effect
 from torch_activegp.physics.joint import JointEffect
 from torch_activegp.physics.play import Hysteresis
 from torch_activegp.physics.sensing import SensorDelay, SensorEffect
-from torch_activegp.physics.servo import ServoSaturation
+from torch_activegp.physics.servo import ServoEffect
 
 _MOST_BYTES = 30_000_000
 """Of controls that are changed side by side."""
@@ -54,7 +54,7 @@ def effect_columns(
     shape = (*linear.states.shape[:2], len(linear.positions), len(wanted))
     out = np.zeros(shape)
     forces: dict[int, list[int]] = {}
-    others: dict[type[Effect], list[int]] = {kind: [] for kind in (ActuatorEffect, ServoSaturation, Effect)}
+    others: dict[type[Effect], list[int]] = {kind: [] for kind in (ActuatorEffect, ServoEffect, Effect)}
     channel = channels_of(shooting)
     for i, (effect, values) in enumerate(wanted):
         if isinstance(effect, JointEffect):
@@ -200,15 +200,16 @@ def _control_columns(changed: Sequence[tuple[Effect, Array]], linear: Linearizat
 def _servo_columns(
     wanted: Sequence[tuple[Effect, Array]], fit: Fit, linear: Linearization, shooting: Shooting
 ) -> Array:
-    """What limits of the forces of servos do, as changes of their controls along the fit, ``(S, K + 1, C, A)``."""
+    """What happens to the forces of servos, as changes of their controls along the fit, ``(S, K + 1, C, A)``."""
     control = shooting.engine.controls(shooting.segments, fit.candidate)
     middle = 0.5 * (linear.states[:, 1:] + linear.states[:, :-1])
     inputs = []
     for effect, values in wanted:
-        assert isinstance(effect, ServoSaturation) and effect.servo is not None
-        servo, speed = effect.servo, shooting.engine.model.nq + effect.servo.dof
-        lost = effect.lost(middle[..., servo.qpos], middle[..., speed], control[..., servo.index], values)
-        inputs.append(linear.control[..., servo.index] * lost[..., None])
+        assert isinstance(effect, ServoEffect)
+        servo = effect.law_of_it
+        motion = middle[..., servo.qpos], middle[..., shooting.engine.model.nq + servo.dof]
+        added = effect.change(*motion, control[..., servo.index], values)
+        inputs.append(linear.control[..., servo.index] * added[..., None])
     return linear.respond(np.stack(inputs, axis=-1))
 
 

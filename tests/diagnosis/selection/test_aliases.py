@@ -1,0 +1,74 @@
+from __future__ import annotations
+
+import dataclasses
+
+import numpy as np
+import pytest
+
+from torch_activegp.diagnosis.selection import aliases as module
+from torch_activegp.diagnosis.selection import search
+from torch_activegp.diagnosis.selection.aliases import aliases, try_aliases
+from torch_activegp.diagnosis.selection.compared import Selection
+from torch_activegp.diagnosis.selection.search import Depth, select
+from torch_activegp.diagnosis.shooting.fit import Fit
+from torch_activegp.diagnosis.shooting.score import Score
+
+BIAS = ("actuator_bias", "actuator:drive")
+
+
+@pytest.fixture(scope="module")
+def pushed(bench) -> Fit:
+    """The friction that is there, and a constant push that is not."""
+    friction, push = bench.effect("viscous_friction"), bench.effect("constant_force")
+    fit = bench.shooting.fit([((friction, push), (np.array([0.06]), np.array([0.0])))], bench.nominal.starts)[0]
+    return dataclasses.replace(fit, values=(fit.values[0], np.array([0.02])))
+
+
+def test_a_drives_bias_is_an_alias_of_a_push_and_a_friction_is_none(bench, pushed) -> None:
+    found = aliases(bench.shooting, pushed, bench.effect("constant_force"), bench.effects)
+    keys = [atom.effect.key for atom in found]
+    assert BIAS in keys
+    assert not {"viscous_friction", "coulomb_friction", "cubic_spring", "sensor_delay"} & {name for name, _ in keys}
+    assert found[keys.index(BIAS)].values[0] == pytest.approx(0.02, rel=1e-3)
+    assert all(atom.gain <= found[0].gain for atom in found)
+    assert ("constant_force", "joint:hip") not in keys
+
+
+def test_what_is_absent_has_no_alias(bench, pushed) -> None:
+    nothing = dataclasses.replace(pushed, values=(pushed.values[0], np.zeros(1)))
+    assert aliases(bench.shooting, nothing, bench.effect("constant_force"), bench.effects) == []
+
+
+def test_aliases_are_fitted_where_noise_alone_is_left(bench, pushed) -> None:
+    friction = bench.fit("viscous_friction", bench.viscous)
+    for left, tried in ((1.0, True), (1.5, False)):
+        best = dataclasses.replace(pushed, chi2=min(friction.chi2, pushed.chi2) - 100.0)
+        if left > 1.0:
+            best = dataclasses.replace(best, chi2=left * bench.shooting.dof)
+        selection = Selection(bench.nominal, [bench.nominal, best], Score(bench.shooting.samples, 60, 1.0))
+        assert selection.best is best
+        try_aliases(selection, bench.shooting, bench.effects)
+        others = [fit for fit in selection.fits if BIAS in fit.keys]
+        assert bool(others) == tried
+        if tried:
+            whole = bench.shooting.fit([(pushed.effects, pushed.values)], bench.nominal.starts)[0]
+            assert min(fit.chi2 for fit in others) == pytest.approx(whole.chi2, abs=0.1)
+
+
+@pytest.mark.parametrize("work", [0.0, 1e9])
+def test_they_are_looked_for_where_a_search_was_cut_short(bench, monkeypatch, work: float) -> None:
+    asked: list[bool] = []
+    monkeypatch.setattr(search, "try_aliases", lambda selection, *_: asked.append(selection.cut_short))
+    effects = [bench.effect("viscous_friction"), bench.effect("cubic_spring")]
+    found = select(bench.shooting, effects, bench.nominal, depth=Depth(work=work))
+    assert asked == ([True] if work == 0.0 else [])
+    assert found.cut_short == (work == 0.0)
+
+
+def test_an_amplitude_at_its_bound_is_no_alias(bench, pushed) -> None:
+    found = aliases(bench.shooting, pushed, bench.effect("constant_force"), bench.effects)
+    atom = next(atom for atom in found if atom.effect.key == BIAS)
+    parameter = dataclasses.replace(atom.effect.parameters[0], high=float(atom.values[0]))
+    bounded = dataclasses.replace(atom, effect=dataclasses.replace(atom.effect, parameters=(parameter,)))
+    assert module._inside(atom)
+    assert not module._inside(bounded)

@@ -1,0 +1,106 @@
+"""Names that do the same to the recordings as one of a set: told by columns, without a search."""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Sequence
+
+import numpy as np
+
+from torch_activegp.diagnosis.inputs.runs import Array
+from torch_activegp.diagnosis.selection.compared import Selection, compare
+from torch_activegp.diagnosis.selection.heats import PART
+from torch_activegp.diagnosis.selection.proposals import Set, diverse, paired
+from torch_activegp.diagnosis.selection.screening import Atom, allowed, atom_at, without
+from torch_activegp.diagnosis.selection.sensitivities import effect_columns, parameter_columns, remembered, unit_values
+from torch_activegp.diagnosis.shooting.elimination import gained_by, project
+from torch_activegp.diagnosis.shooting.fit import Fit
+from torch_activegp.diagnosis.shooting.likelihood import Shooting
+from torch_activegp.diagnosis.shooting.linearize import linearize
+from torch_activegp.diagnosis.shooting.score import NOISE_ALONE
+from torch_activegp.physics.effect import Effect
+
+_AS_MUCH = 0.99
+_MOST = 4
+"""Aliases of one effect that are fitted."""
+_ROUNDS, _TIMES = 20, 2
+
+
+def try_aliases(selection: Selection, shooting: Shooting, effects: Sequence[Effect]) -> None:
+    """Fits others in place of each name of the best set that do the same there, to first order.
+
+    For a search that was cut short, where nothing stood in place of what it found yet: a slide whose drive was stronger
+    than it was told to be, damped, was 1.4 kg lighter, and no tie said so. Once more where one of them is best then.
+    """
+    for _ in range(_TIMES):
+        best = selection.best
+        if not best.effects or best.chi2 > NOISE_ALONE * shooting.dof:
+            return
+        known = {frozenset(fit.effects) for fit in selection.fits}
+        sets = [some for some in _in_place(selection, shooting, effects) if frozenset(some[0]) not in known]
+        compare(shooting, selection, sets, best, rounds=_ROUNDS)
+        if selection.best is best:
+            return
+
+
+def _in_place(selection: Selection, shooting: Shooting, effects: Sequence[Effect]) -> list[Set]:
+    """The best set with an alias in place of each of its names."""
+    best, found = selection.best, dict[frozenset[Effect], Set]()
+    for effect in (e for e in best.effects if e.key not in selection.score.free):
+        rest = [(e, v) for e, v in best.by_effect.items() if e is not effect]
+        for atom in diverse(aliases(shooting, best, effect, effects), _MOST):
+            some = paired([*rest, (atom.effect, atom.values)])
+            found.setdefault(frozenset(some[0]), some)
+    return list(found.values())
+
+
+def aliases(shooting: Shooting, fit: Fit, effect: Effect, effects: Sequence[Effect]) -> list[Atom]:
+    """What could take the place of one effect of a fit, the most alike first.
+
+    What it does there is a combination of columns; another one is an alias if it makes up 99 % of that beside initial
+    states and the other fitted parameters.
+
+    Args:
+        shooting: the likelihood; a part of its segments is enough.
+        fit: a set.
+        effect: of it.
+        effects: what is tried.
+    """
+    part, which = shooting.subset(PART)
+    here, others = fit.pick(which), tuple(e for e in fit.effects if e is not effect)
+    rest = dataclasses.replace(fit, effects=others, values=tuple(fit.by_effect[e] for e in others))
+    free = [e for e in allowed(effects, rest) if e.key != effect.key and effect.name not in e.covers]
+    plan = [(e, seed, max(e.linear, 1)) for e in free for seed in e.seeds]
+    wanted = [(e, values) for e, seed, _ in plan for values in unit_values(e, seed)]
+    linear = linearize(part, here)
+    held, tested = parameter_columns(part, here), effect_columns(part, here, wanted, linear, remembered(wanted, part))
+    blocks = linear.respond_to_start(), np.concatenate([held, tested], axis=-1)
+    start, columns = (part.whiten_columns(block) for block in blocks)
+    normal, _ = project(start, columns, np.zeros_like(part.residual_of(here)))
+    first = sum(len(e.parameters) for e in fit.effects[: fit.effects.index(effect)])
+    own = np.arange(first, first + len(effect.parameters))
+    order = [*(i for i in range(fit.size) if i not in own), *own.tolist(), *range(fit.size, len(normal))]
+    normal, _ = without(fit.size - len(own), normal[np.ix_(order, order)], np.zeros(len(normal)))
+    mine, amount = slice(0, len(own)), _steps(effect, fit.by_effect[effect])
+    pull, least = normal[:, mine] @ amount, _AS_MUCH * float(amount @ normal[mine, mine] @ amount)
+    found, at = [], len(own)
+    for other, seed, width in plan:
+        where = slice(at, at + width)
+        atom = atom_at(other, seed, where, *gained_by(normal[where, where], pull[where]))
+        at += width
+        if atom.gain > least > 0.0 and _inside(atom):
+            found.append(atom)
+    return sorted(found, key=lambda atom: -atom.gain)
+
+
+def _steps(effect: Effect, values: Array) -> Array:
+    """What an effect is, in steps of its parameters: amplitudes, or the one size that it has."""
+    steps = np.array([p.step(float(value)) for p, value in zip(effect.parameters, values, strict=True)])
+    amplitudes = np.arange(len(values)) < max(effect.linear, 1)
+    return np.where(amplitudes, values / steps, 0.0)
+
+
+def _inside(atom: Atom) -> bool:
+    """Whether it does so within the bounds of its amplitudes: what hardly shows would need any."""
+    amplitudes = zip(atom.effect.parameters[: max(atom.effect.linear, 1)], atom.values, strict=False)
+    return all(p.low < value < p.high for p, value in amplitudes)
