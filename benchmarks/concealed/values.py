@@ -31,7 +31,8 @@ def score_values(key: Mapping[str, Any], diagnosis: Mapping[str, Any]) -> list[d
             if normal(effect["name"], effect["target"]) != normal(truth["name"], truth["target"]):
                 continue
             for name, entry in (effect.get("parameters") or {}).items():
-                if name in words:
+                other = key["loop"] == "servo" and name == "limit" and entry.get("unit") == "1"  # of the command
+                if name in words and not other:
                     rows.append({"effect": truth["name"], "parameter": name, **_compare(name, entry, words[name])})
     return rows
 

@@ -119,7 +119,7 @@ def assemble(kind: str, xml: str, recordings: list[Recording], kept: Recording) 
 class Servo:
     """The pendulum held by a position servo, whose force ends at a limit that the model does not have."""
 
-    xml = XML.replace('<motor name="drive" joint="hip"/>', '<position name="drive" joint="hip" kp="12" kv="1"/>')
+    xml: str = XML.replace('<motor name="drive" joint="hip"/>', '<position name="drive" joint="hip" kp="12" kv="1"/>')
 
     def record(self, limit: float, seed: int) -> Recording:
         """A run with steps of the command every 0.4 s, by the semi-implicit Euler scheme in steps of 0.2 ms."""

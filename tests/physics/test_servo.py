@@ -1,13 +1,17 @@
 from __future__ import annotations
 
 import dataclasses
+import itertools
 from typing import Any
 
 import mujoco
 import numpy as np
 import pytest
 
+from torch_activegp.physics.actuation import ActuatorBias, ActuatorGain
 from torch_activegp.physics.servo import ServoGain, ServoLaw, ServoSaturation
+
+VALUES = {ActuatorGain: 0.3, ActuatorBias: 0.2, ServoGain: -0.4, ServoSaturation: 0.6}
 
 
 @pytest.fixture
@@ -29,16 +33,15 @@ def test_a_limit_of_the_force_is_another_law_than_one_of_the_command(bench: Any,
         mujoco.mj_forward(bench.model, data)
         law = effect.servo.force(state[1:2], state[3:4], control[1:2])
         np.testing.assert_allclose(law, data.actuator_force[1], atol=1e-12)
-        lost = effect.change(state[1:2], state[3:4], control[1:2], np.array([0.9]))
-        left = effect.servo.force(state[1:2], state[3:4], control[1:2] + lost)
+        left = effect.changed(effect.servo, np.array([0.9])).force(state[1:2], state[3:4], control[1:2])
         np.testing.assert_allclose(left, np.clip(law, -0.9, 0.9))
         beyond += abs(data.actuator_force[1]) > 0.9
     assert 50 < beyond < 950
 
 
-def test_a_narrower_limit_of_the_model_stays(bench: Any, effect: ServoSaturation) -> None:
+def test_a_narrower_limit_of_the_model_stays(bench: Any) -> None:
     narrow = dataclasses.replace(bench, xml=bench.xml.replace('kv=".2"', 'kv=".2" forcerange="-.2 3"'))
-    spec = narrow.spec
+    spec, effect = narrow.spec, ServoSaturation.at(dataclasses.replace(bench.servo, servo_force=2.0), narrow.model)
     assert effect.write(spec, np.array([0.5]))
     np.testing.assert_allclose(spec.actuators[1].forcerange, [-0.2, 0.5])
     assert narrow.gap(narrow.hooks(effect, [0.5]), narrow.written(effect, [0.5])) < 1e-9
@@ -83,11 +86,41 @@ def test_a_weaker_servo_is_weaker_in_its_feedback_too(bench: Any, excess: float)
     )
     np.testing.assert_allclose(hooked, stiff.nominal(), atol=1e-12)
     assert effect.describe(np.array([excess])) == {"gain": 1 + excess}
-    force = effect.law_of_it.force(0.1, 0.2, 0.3)
-    assert effect.change(0.1, 0.2, 0.3, np.array([excess])) * 5 == pytest.approx(excess * force)
+    stronger = effect.changed(effect.servo, np.array([excess]))
+    np.testing.assert_allclose(stronger.bias, ServoLaw.of(stiff.model, 1).bias)
+    assert stronger.gain == pytest.approx(ServoLaw.of(stiff.model, 1).gain)
+    assert not effect.tunable  # its command's gain is that already
 
 
 def test_a_damping_by_ratio_is_not_scaled(bench: Any) -> None:
     ratio = dataclasses.replace(bench, xml=bench.xml.replace('kv=".2"', 'dampratio="1"'))
     effect = ServoGain.at(dataclasses.replace(bench.servo, servo_force=2.0), ratio.model)
     assert not effect.write(ratio.spec, np.array([0.1]))
+
+
+def test_a_range_that_does_not_limit_is_none(bench: Any) -> None:
+    text = bench.xml.replace('kv=".2"', 'kv=".2" forcelimited="false" forcerange="-.1 .1"')
+    idle = dataclasses.replace(bench, xml=text)
+    effect = ServoSaturation.at(dataclasses.replace(bench.servo, servo_force=2.0), idle.model)
+    assert idle.gap(idle.hooks(effect, [0.5]), idle.written(effect, [0.5])) < 1e-9
+
+
+def test_no_file_holds_an_empty_range(bench: Any) -> None:
+    one_sided = dataclasses.replace(bench, xml=bench.xml.replace('kv=".2"', 'kv=".2" forcerange=".5 3"'))
+    effect = ServoSaturation.at(dataclasses.replace(bench.servo, servo_force=2.0), one_sided.model)
+    assert not effect.write(one_sided.spec, np.array([0.3]))
+
+
+@pytest.mark.parametrize("kinds", list(itertools.combinations(VALUES, 2)))
+def test_two_effects_on_one_servo_are_those_of_the_models_file(bench: Any, kinds: Any) -> None:
+    """Whichever two: the simulation changes the command first, then the force, and the file holds what that does."""
+    place, model, spec = dataclasses.replace(bench.servo, servo_force=2.0), bench.model, bench.spec
+    pairs = [(kind.at(place, model), np.array([VALUES[kind]])) for kind in kinds]
+    rows, control = np.array([0]), bench.control[None, None].copy()
+    for effect, values in sorted(pairs, key=lambda pair: pair[0].order):
+        effect.edit(lambda name: getattr(model, name)[None], rows, values[None])
+        effect.control(control, np.full((1, len(bench.control)), 0.001), values[None])
+        assert effect.write(spec, values)
+    spec.compile()
+    simulated = bench.run(model, control[0, 0])
+    assert bench.gap(simulated, bench.run(mujoco.MjModel.from_xml_string(spec.to_xml()))) < 1e-6

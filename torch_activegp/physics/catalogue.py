@@ -21,7 +21,7 @@ from torch_activegp.physics.payload import DensityError, PayloadAlong, PayloadAs
 from torch_activegp.physics.place import Place
 from torch_activegp.physics.play import MEMORY
 from torch_activegp.physics.sensing import SENSING, SensorEffect
-from torch_activegp.physics.servo import SERVO
+from torch_activegp.physics.servo import SERVO, ServoEffect
 from torch_activegp.physics.soft_friction import SoftCoulombFriction
 from torch_activegp.physics.springs import POSITION_FORCES
 from torch_activegp.physics.springy_backlash import SPRINGY_BACKLASH
@@ -76,7 +76,7 @@ def catalogue(
     effects += body_effects(model)
     pulls = pulls_of_gravity(model)
     effects += [GravityError.along(*axes, pulls=pulls) for axes in _AXES]
-    places = {JointEffect: joints, ActuatorEffect: actuators, SensorEffect: sensors}
+    places = {JointEffect: joints, ActuatorEffect: actuators, ServoEffect: actuators, SensorEffect: sensors}
     taken = {kind.name for kind in _LISTED}
     for kind in more:
         acts_on = _places_of(kind, places)

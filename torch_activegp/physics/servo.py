@@ -9,10 +9,11 @@ from typing import Self
 import mujoco
 import numpy as np
 
-from torch_activegp.physics.actuation import ActuatorGain, ActuatorSaturation, narrower
+from torch_activegp.physics.actuation import ActuatorSaturation
 from torch_activegp.physics.effect import Array, Effect, Index, Parameter, element
 from torch_activegp.physics.place import Place
 
+_JOINTS = (int(mujoco.mjtTrn.mjTRN_JOINT), int(mujoco.mjtTrn.mjTRN_JOINTINPARENT))  # the same for a hinge or a slide
 _ONE_WAY = (int(mujoco.mjtJoint.mjJNT_HINGE), int(mujoco.mjtJoint.mjJNT_SLIDE))
 _SEEDS = (0.97, 0.9, 0.8, 0.7, 0.6, 0.5, 0.4, 0.3, 0.2)
 
@@ -29,7 +30,9 @@ class ServoLaw:
         gear: from the joint's position to the drive's length, and from the drive's force to the joint's.
         gain: force for a control of one.
         bias: constant, stiffness and damping.
+        limits: where its force ends, low and high.
         joint: name of the joint.
+        unit: of the force.
     """
 
     actuator: int
@@ -39,13 +42,15 @@ class ServoLaw:
     gear: float
     gain: float
     bias: tuple[float, float, float]
+    limits: tuple[float, float]
     joint: str
+    unit: str
 
     @classmethod
     def of(cls, model: mujoco.MjModel, actuator: int) -> Self | None:
         """The law of an actuator; None where it has another one, or its force does not depend on the motion."""
         plain = (
-            model.actuator_trntype[actuator] == mujoco.mjtTrn.mjTRN_JOINT
+            int(model.actuator_trntype[actuator]) in _JOINTS
             and model.actuator_dyntype[actuator] == mujoco.mjtDyn.mjDYN_NONE
             and model.actuator_gaintype[actuator] == mujoco.mjtGain.mjGAIN_FIXED
             and model.actuator_biastype[actuator] == mujoco.mjtBias.mjBIAS_AFFINE
@@ -55,6 +60,7 @@ class ServoLaw:
         joint = int(model.actuator_trnid[actuator, 0])
         if not (plain and gain and bias[1:].any() and int(model.jnt_type[joint]) in _ONE_WAY):
             return None
+        low, high = model.actuator_forcerange[actuator] if model.actuator_forcelimited[actuator] else (-np.inf, np.inf)
         return cls(
             actuator,
             int(model.actuator_ctrladr[actuator]),
@@ -63,14 +69,16 @@ class ServoLaw:
             float(model.actuator_gear[actuator, 0]),
             gain,
             (float(bias[0]), float(bias[1]), float(bias[2])),
+            (float(low), float(high)),
             model.joint(joint).name or f"joint{joint}",
+            "N m" if int(model.jnt_type[joint]) == _ONE_WAY[0] else "N",
         )
 
     def force(self, position: Array, velocity: Array, control: Array) -> Array:
         """Of the drive, at the joint's position, rad or m, its velocity, rad/s or m/s, and a control; N m or N."""
         constant, stiffness, damping = self.bias
         along = self.gear * (stiffness * position + damping * velocity)
-        return np.asarray(self.gain * control + constant + along)
+        return np.asarray(np.clip(self.gain * control + constant + along, *self.limits))
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
@@ -78,10 +86,10 @@ class ServoEffect(Effect):
     """Base of the effects on the force of a servo, its feedback included.
 
     Args:
-        servo: its law.
+        servo: its law in the nominal model.
     """
 
-    servo: ServoLaw | None = None
+    servo: ServoLaw = dataclasses.field(kw_only=True)
 
     @classmethod
     def fits(cls, place: Place, model: mujoco.MjModel) -> bool:
@@ -89,24 +97,22 @@ class ServoEffect(Effect):
         return place.servo_force > 0.0 and ServoLaw.of(model, _actuator_at(place, model)) is not None
 
     @classmethod
-    def make(cls, place: Place, model: mujoco.MjModel, parameter: Parameter, seeds: Sequence[float]) -> Self:
+    def make(
+        cls, place: Place, model: mujoco.MjModel, parameter: Parameter, seeds: Sequence[float], linear: int
+    ) -> Self:
         """Makes the effect for an actuator."""
         servo = ServoLaw.of(model, _actuator_at(place, model))
-        return cls(place.target, (parameter,), np.array(seeds)[:, None], linear=0, variant="force", servo=servo)
-
-    @property
-    def law_of_it(self) -> ServoLaw:
-        """The servo's law."""
-        assert self.servo is not None
-        return self.servo
+        assert servo is not None
+        values = np.array(seeds)[:, None]
+        return cls(place.target, (parameter,), values, linear=linear, variant="force", servo=servo)
 
     @property
     def drives(self) -> str:
         """The joint that it acts on."""
-        return f"joint:{self.law_of_it.joint}"
+        return f"joint:{self.servo.joint}"
 
-    def change(self, position: Array, velocity: Array, control: Array, values: Array) -> Array:
-        """What is added to its force along a motion, in units of its control; arguments as :meth:`ServoLaw.force`."""
+    def changed(self, law: ServoLaw, values: Array) -> ServoLaw:
+        """A servo's law with the effect, values ``(P,)``."""
         raise NotImplementedError
 
 
@@ -116,60 +122,67 @@ class ServoSaturation(ServoEffect):
     name = "actuator_saturation"
     never_negative = frozenset({"limit"})
     law = "clip(f, -limit, limit) of the servo's force f"
-    order = ActuatorSaturation.order
+    order = ActuatorSaturation.order + 2
 
     @classmethod
     def at(cls, place: Place, model: mujoco.MjModel) -> Self:
         """Makes the effect for an actuator, sized by the force that it gives in the recordings."""
-        top = place.servo_force
-        joint = model.actuator_trnid[_actuator_at(place, model), 0]
-        unit = "N" if model.jnt_type[joint] == mujoco.mjtJoint.mjJNT_SLIDE else "N m"
+        top, servo = place.servo_force, ServoLaw.of(model, _actuator_at(place, model))
+        unit = "" if servo is None else servo.unit
         parameter = Parameter("limit", unit, 0.03 * top, low=0.02 * top, high=top, place=True)
-        return cls.make(place, model, parameter, [top * share for share in _SEEDS])
+        return cls.make(place, model, parameter, [top * share for share in _SEEDS], linear=0)
 
-    def change(self, position: Array, velocity: Array, control: Array, values: Array) -> Array:
-        """What it loses."""
-        force = self.law_of_it.force(position, velocity, control)
-        return np.asarray((np.clip(force, -values[0], values[0]) - force) / self.law_of_it.gain)
+    def changed(self, law: ServoLaw, values: Array) -> ServoLaw:
+        """Narrows its limits."""
+        low, high = law.limits
+        return dataclasses.replace(law, limits=(max(low, -float(values[0])), min(high, float(values[0]))))
 
     def edit(self, field: Callable[[str], Array], rows: Index, values: Array) -> bool:
         """Narrows ``actuator_forcerange``."""
-        limited, ends, at = field("actuator_forcelimited"), field("actuator_forcerange"), self.law_of_it.actuator
-        was = limited[rows, at].astype(bool)[:, None]
-        low, high = np.where(was, ends[rows, at], np.array([-np.inf, np.inf])).T
+        limited, ends, at = field("actuator_forcelimited"), field("actuator_forcerange"), self.servo.actuator
+        low, high = self.servo.limits
         ends[rows, at] = np.stack([np.maximum(low, -values[:, 0]), np.minimum(high, values[:, 0])], axis=1)
         limited[rows, at] = True
         return False
 
     def write(self, spec: mujoco.MjSpec, values: Array) -> bool:
-        """Writes ``forcerange``."""
-        actuator, limit = element(spec, spec.actuators, self.target), float(values[0])
-        actuator.forcerange = narrower(actuator.forcerange, limit)
+        """Writes ``forcerange``, unless that would be empty."""
+        low, high = self.changed(self.servo, values).limits
+        if low >= high:
+            return False
+        actuator = element(spec, spec.actuators, self.target)
+        actuator.forcerange = np.array([low, high])
         actuator.forcelimited = mujoco.mjtLimited.mjLIMITED_TRUE
         return True
 
 
 class ServoGain(ServoEffect):
-    """(1 + c) f: all of a servo's force f is stronger or weaker; `ActuatorGain` scales its command alone."""
+    """(1 + c) f: all of a servo's force f is stronger or weaker; `ActuatorGain` scales its command alone.
+
+    What other effects do to the command is scaled too.
+    """
 
     name = "actuator_gain"
     law = "g f of the servo's force f"
-    order = ActuatorGain.order
+    order = ActuatorSaturation.order + 1
 
     @classmethod
     def at(cls, place: Place, model: mujoco.MjModel) -> Self:
         """Makes the effect for an actuator."""
-        made = cls.make(place, model, Parameter("excess", "1", 0.05, low=-0.95, high=9.0), [0.05])
-        return dataclasses.replace(made, linear=1, tunable=True)
+        return cls.make(place, model, Parameter("excess", "1", 0.05, low=-0.95, high=9.0), [0.05], linear=1)
 
-    def change(self, position: Array, velocity: Array, control: Array, values: Array) -> Array:
-        """What it gains."""
-        return np.asarray(values[0] * self.law_of_it.force(position, velocity, control) / self.law_of_it.gain)
+    def changed(self, law: ServoLaw, values: Array) -> ServoLaw:
+        """Scales its gain and its bias."""
+        factor = 1.0 + float(values[0])
+        constant, stiffness, damping = law.bias
+        return dataclasses.replace(
+            law, gain=factor * law.gain, bias=(factor * constant, factor * stiffness, factor * damping)
+        )
 
     def edit(self, field: Callable[[str], Array], rows: Index, values: Array) -> bool:
         """Scales ``actuator_gainprm`` and ``actuator_biasprm``."""
         for name in ("actuator_gainprm", "actuator_biasprm"):
-            field(name)[rows, self.law_of_it.actuator, :3] *= 1.0 + values
+            field(name)[rows, self.servo.actuator, :3] *= 1.0 + values
         return False
 
     def write(self, spec: mujoco.MjSpec, values: Array) -> bool:

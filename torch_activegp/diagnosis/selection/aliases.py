@@ -9,7 +9,7 @@ import numpy as np
 
 from torch_activegp.diagnosis.inputs.runs import Array
 from torch_activegp.diagnosis.selection.compared import Selection, compare
-from torch_activegp.diagnosis.selection.heats import PART
+from torch_activegp.diagnosis.selection.heats import CLOSE, PART
 from torch_activegp.diagnosis.selection.proposals import Set, diverse, paired
 from torch_activegp.diagnosis.selection.screening import Atom, allowed, atom_at, without
 from torch_activegp.diagnosis.selection.sensitivities import effect_columns, parameter_columns, remembered, unit_values
@@ -23,7 +23,8 @@ from torch_activegp.physics.effect import Effect
 _AS_MUCH = 0.99
 _MOST = 4
 """Aliases of one effect that are fitted."""
-_ROUNDS, _TIMES = 20, 2
+_ROUNDS, _TIMES, _WORK = 20, 2, 5e6
+"""Simulations of a fit, one after the other; how often; and time steps for all of them each time."""
 
 
 def try_aliases(selection: Selection, shooting: Shooting, effects: Sequence[Effect]) -> None:
@@ -36,9 +37,10 @@ def try_aliases(selection: Selection, shooting: Shooting, effects: Sequence[Effe
         best = selection.best
         if not best.effects or best.chi2 > NOISE_ALONE * shooting.dof:
             return
-        known = {frozenset(fit.effects) for fit in selection.fits}
+        near = best.chi2 + CLOSE * selection.score.scale  # others were given up, perhaps
+        known = {frozenset(fit.effects) for fit in selection.fits if fit.chi2 < near}
         sets = [some for some in _in_place(selection, shooting, effects) if frozenset(some[0]) not in known]
-        compare(shooting, selection, sets, best, rounds=_ROUNDS)
+        compare(shooting, selection, sets, best, race=shooting.work + _WORK, rounds=_ROUNDS)
         if selection.best is best:
             return
 
@@ -48,7 +50,8 @@ def _in_place(selection: Selection, shooting: Shooting, effects: Sequence[Effect
     best, found = selection.best, dict[frozenset[Effect], Set]()
     for effect in (e for e in best.effects if e.key not in selection.score.free):
         rest = [(e, v) for e, v in best.by_effect.items() if e is not effect]
-        for atom in diverse(aliases(shooting, best, effect, effects), _MOST):
+        alike = {atom.effect: atom for atom in reversed(aliases(shooting, best, effect, effects))}
+        for atom in diverse(list(alike.values())[::-1], _MOST):
             some = paired([*rest, (atom.effect, atom.values)])
             found.setdefault(frozenset(some[0]), some)
     return list(found.values())
@@ -58,7 +61,7 @@ def aliases(shooting: Shooting, fit: Fit, effect: Effect, effects: Sequence[Effe
     """What could take the place of one effect of a fit, the most alike first.
 
     What it does there is a combination of columns; another one is an alias if it makes up 99 % of that beside initial
-    states and the other fitted parameters.
+    states and the other fitted parameters. Of a limit, which has no amplitude, nothing is told.
 
     Args:
         shooting: the likelihood; a part of its segments is enough.
@@ -66,6 +69,8 @@ def aliases(shooting: Shooting, fit: Fit, effect: Effect, effects: Sequence[Effe
         effect: of it.
         effects: what is tried.
     """
+    if not effect.linear and effect.parameters[0].place:
+        return []
     part, which = shooting.subset(PART)
     here, others = fit.pick(which), tuple(e for e in fit.effects if e is not effect)
     rest = dataclasses.replace(fit, effects=others, values=tuple(fit.by_effect[e] for e in others))

@@ -130,7 +130,8 @@ class Selection:
 
     def needs_more_than(self, names: int) -> bool:
         """Whether no set of so many effects explains about as much as the best one does, for its parameters."""
-        few = min((f for f in self.fits if f.plausible and len(f.effects) <= names), key=lambda fit: fit.chi2)
+        small = (fit for fit in self.fits if fit.plausible and len(fit.effects) <= names)
+        few = min(small, key=lambda fit: fit.chi2, default=self.nominal)
         lost, more = few.chi2 - self.best.chi2, self.best.size - few.size
         worth = self.score.scale * self.score.a_parameter * max(more, 0)
         return lost > max(_AS_MUCH * (self.nominal.chi2 - self.best.chi2), worth)

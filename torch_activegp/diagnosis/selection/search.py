@@ -120,7 +120,7 @@ def go_on(
     if selection.score.free and not _only_undoes(selection, shooting):
         selection.score = selection.score.without_free()
         search(selection, shooting, effects, tell, depth)
-    if selection.cut_short:
+    if selection.cut_short and depth.swaps:
         try_aliases(selection, shooting, effects)
     return selection
 

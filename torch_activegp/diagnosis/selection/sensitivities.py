@@ -54,24 +54,24 @@ def effect_columns(
     shape = (*linear.states.shape[:2], len(linear.positions), len(wanted))
     out = np.zeros(shape)
     forces: dict[int, list[int]] = {}
-    others: dict[type[Effect], list[int]] = {kind: [] for kind in (ActuatorEffect, ServoEffect, Effect)}
+    simulated: list[int] = []
+    controlled: list[int] = []
     channel = channels_of(shooting)
     for i, (effect, values) in enumerate(wanted):
         if isinstance(effect, JointEffect):
             forces.setdefault(channel[effect.dof], []).append(i)
+        elif isinstance(effect, ServoEffect):
+            forces.setdefault(channel[effect.servo.dof], []).append(i)
         elif isinstance(effect, SensorEffect):
             out[..., i] = _sensor_column(effect, values, linear, shooting.segments.dt)
         else:
-            next(members for kind, members in others.items() if isinstance(effect, kind)).append(i)
-    controlled, servos, simulated = others.values()
+            (controlled if isinstance(effect, ActuatorEffect) else simulated).append(i)
     for c, members in forces.items():
-        laws = np.stack([_law(*wanted[i], linear, c, shooting, memory.get(i)) for i in members], axis=-1)
+        laws = np.stack([_law(*wanted[i], linear, c, shooting, fit, memory.get(i)) for i in members], axis=-1)
         out[..., members] = linear.respond_to_force(c, laws)
     if controlled:
         chosen = [(wanted[i][0], memory[i]) for i in controlled]
         out[..., controlled] = _control_columns(chosen, linear, shooting)
-    if servos:
-        out[..., servos] = _servo_columns([wanted[i] for i in servos], fit, linear, shooting)
     loads, columns = _inertial_columns(shooting, fit, {i: wanted[i] for i in simulated}, linear)
     out[..., loads] = columns
     simulated = [i for i in simulated if i not in loads]
@@ -117,7 +117,13 @@ def _inertial_columns(
 
 
 def _law(
-    effect: Effect, values: Array, linear: Linearization, channel: int, shooting: Shooting, whole: Array | None
+    effect: Effect,
+    values: Array,
+    linear: Linearization,
+    channel: int,
+    shooting: Shooting,
+    fit: Fit,
+    whole: Array | None,
 ) -> Array:
     """The force of a law in the middle of every interval, ``(S, K)``; one with a memory has it over whole runs."""
     position = linear.states[..., linear.positions[channel]]
@@ -128,9 +134,24 @@ def _law(
         return np.asarray(0.5 * (along[:, 1:] + along[:, :-1]))
     if effect.name == "armature_error":
         return np.asarray(-values[0] * np.diff(velocity, axis=1) / shooting.segments.dt)
-    assert isinstance(effect, JointEffect)
-    middle = 0.5 * (position[:, 1:] + position[:, :-1])
-    return effect.force(middle, 0.5 * (velocity[:, 1:] + velocity[:, :-1]), values)
+    assert isinstance(effect, JointEffect | ServoEffect)
+    middle, speed = (0.5 * (some[:, 1:] + some[:, :-1]) for some in (position, velocity))
+    if isinstance(effect, ServoEffect):
+        return _servos_change(effect, values, (middle, speed), shooting, fit)
+    return effect.force(middle, speed, values)
+
+
+def _servos_change(
+    effect: ServoEffect, values: Array, motion: tuple[Array, Array], shooting: Shooting, fit: Fit
+) -> Array:
+    """What an effect on top of a fit adds to the force of a servo on its joint, ``(S, K)``."""
+    law = effect.servo
+    control = shooting.engine.controls(shooting.segments, fit.candidate)[..., law.index]
+    for other, there in fit.by_effect.items():
+        if isinstance(other, ServoEffect) and other.target == effect.target:
+            law = other.changed(law, there)
+    after = effect.changed(law, values)
+    return np.asarray(law.gear * (after.force(*motion, control) - law.force(*motion, control)))
 
 
 def _sensor_column(effect: SensorEffect, values: Array, linear: Linearization, dt: Array) -> Array:
@@ -194,22 +215,6 @@ def _control_columns(changed: Sequence[tuple[Effect, Array]], linear: Linearizat
         assert isinstance(effect, ActuatorEffect)
         index = np.minimum(segments.first[:, None] + np.arange(segments.intervals), mean.shape[1] - 1)
         inputs.append(linear.control[..., effect.index] * mean[segments.run[:, None], index][..., None])
-    return linear.respond(np.stack(inputs, axis=-1))
-
-
-def _servo_columns(
-    wanted: Sequence[tuple[Effect, Array]], fit: Fit, linear: Linearization, shooting: Shooting
-) -> Array:
-    """What happens to the forces of servos, as changes of their controls along the fit, ``(S, K + 1, C, A)``."""
-    control = shooting.engine.controls(shooting.segments, fit.candidate)
-    middle = 0.5 * (linear.states[:, 1:] + linear.states[:, :-1])
-    inputs = []
-    for effect, values in wanted:
-        assert isinstance(effect, ServoEffect)
-        servo = effect.law_of_it
-        motion = middle[..., servo.qpos], middle[..., shooting.engine.model.nq + servo.dof]
-        added = effect.change(*motion, control[..., servo.index], values)
-        inputs.append(linear.control[..., servo.index] * added[..., None])
     return linear.respond(np.stack(inputs, axis=-1))
 
 

@@ -133,14 +133,17 @@ def is_a_tuning(
 ) -> bool:
     """Whether the tunable ones of the best set's effects do no more than undo a tuning: see :func:`only_undoes`.
 
-    Many that no few names make up for are one in any case where they leave noise alone: no machine lacks so much at
-    once. An encoder's offset explained 0.99 of what was missing behind six values that were tuned, and 1.8 times the
-    rest by them alone; it was named with a payload, a gain and a bias, which lost the held-out runs.
+    Many that no few names make up for are one where they leave noise alone and none of them gains much by itself: no
+    machine lacks so much at once. An encoder's offset explained 0.99 of what was missing behind six values that were
+    tuned, and 1.8 times the rest by them alone; it was named with a payload, a gain and a bias, which lost the held-out
+    runs.
     """
-    if len(tunable) <= _FEW and _was_not_tuned(shooting, selection, len(tunable)):
-        return False
-    if needed and len(tunable) >= _MANY and selection.best.chi2 < NOISE_ALONE * shooting.dof:
-        return True
+    clearly = needed and len(tunable) >= _MANY and selection.best.chi2 < NOISE_ALONE * shooting.dof
+    if len(tunable) <= _FEW or clearly:
+        if _was_not_tuned(shooting, selection, len(tunable)):
+            return False
+        if clearly:
+            return True
     alone, without = (fitted(shooting, selection, some) for some in (tunable, others))
     return only_undoes(selection.nominal, alone, without, selection.best, needed)
 

@@ -34,7 +34,9 @@ def halve_damping(model: mujoco.MjModel, field: Callable[[str], Array], rows: in
         rows: the first so many simulations.
         step: length h of the time steps of each, ``(rows,)``, s.
     """
-    damping = field("dof_damping")[:rows] + servo_damping(model)
+    damping = field("dof_damping")[:rows].copy()
+    if servo_damping(model).any():
+        damping += servo_damping(model, field("actuator_biasprm")[:rows])
     if not damping.any():
         return
     inertia = np.minimum(0.5 * step[:, None] * damping, _MOST / model.nv / model.dof_invweight0)
@@ -42,24 +44,32 @@ def halve_damping(model: mujoco.MjModel, field: Callable[[str], Array], rows: in
     field("dof_M0")[:rows] -= inertia
 
 
-def servo_damping(model: mujoco.MjModel) -> Array:
+def servo_damping(model: mujoco.MjModel, bias: Array | None = None) -> Array:
     """What drives of joints add to the damping by their own law, ``(nv,)``, N m s/rad or N s/m.
 
     MuJoCo takes none of those implicitly whose force is at its limit; drives with a limit are left out.
+
+    Args:
+        model: with the drives.
+        bias: ``actuator_biasprm`` of some simulations in place of the model's, ``(rows, nu, 10)``; then ``(rows, nv)``.
     """
-    out = np.zeros(model.nv)
+    bias = model.actuator_biasprm if bias is None else bias
+    out = np.zeros((*bias.shape[:-2], model.nv))
     for drive in np.flatnonzero((model.actuator_trntype == _JOINT) & (model.actuator_biastype == _AFFINE)):
         joint = model.actuator_trnid[drive, 0]
         if not (model.actuator_forcelimited[drive] or model.jnt_actfrclimited[joint]):
-            out[model.jnt_dofadr[joint]] -= model.actuator_biasprm[drive, 2] * model.actuator_gear[drive, 0] ** 2
+            out[..., model.jnt_dofadr[joint]] -= bias[..., drive, 2] * model.actuator_gear[drive, 0] ** 2
     return np.maximum(out, 0.0)
 
 
 def is_of_second_order(model: mujoco.MjModel) -> bool:
     """Whether the leapfrog scheme is, for a model: its forces depend on velocities by linear damping alone.
 
-    Coriolis forces, drag and the damping of limited servos act half a time step early or late in it.
+    Coriolis forces, drag and the damping of limited servos act half a time step early or late in it; and any servo may
+    turn out to be limited.
     """
+    if servo_damping(model).any():
+        return False
     model = copy.copy(model)
     model.opt.disableflags |= int(mujoco.mjtDisableBit.mjDSBL_CONTACT)
     data, rng, damping = mujoco.MjData(model), np.random.default_rng(0), model.dof_damping + servo_damping(model)
