@@ -116,11 +116,13 @@ def test_a_tie_of_another_diagnosis_is_unchecked(tmp_path: Path) -> None:
 
 
 def test_parameters_are_compared_in_the_same_terms() -> None:
-    def parts(name: str, target: str, true: dict[str, float], said: dict[str, float], **more: Any) -> dict[str, Any]:
+    def parts(
+        name: str, target: str, true: dict[str, float], said: dict[str, float], unit: str = "", **more: Any
+    ) -> Any:
         effect = {"name": name, "target": target, "region": None,
                   "parameters": {parameter: {"value": value} for parameter, value in true.items()}}  # fmt: skip
         entry = {"name": name, "target": target,
-                 "parameters": {parameter: {"value": value, "ci95": [value - 0.1, value + 0.1]}
+                 "parameters": {parameter: {"value": value, "unit": unit, "ci95": [value - 0.1, value + 0.1]}
                                 for parameter, value in said.items()}}  # fmt: skip
         diagnosis = {**answer(), "effects": [entry]}
         return {
@@ -135,7 +137,10 @@ def test_parameters_are_compared_in_the_same_terms() -> None:
     assert slider["slip"]["error"] == pytest.approx(0.5) and not slider["slip"]["covered"]
     gain = parts("actuator_gain", "actuator:drive", {"gain": 1.2}, {"gain": 1.25})
     assert gain["gain"]["error"] == pytest.approx(0.25)
-    assert parts("actuator_saturation", "actuator:drive", {"limit": 2.0}, {"limit": 1.0}, loop="servo") == {}
+    limit = "actuator_saturation", "actuator:drive", {"limit": 2.0}, {"limit": 1.0}
+    assert parts(*limit, "1", loop="servo") == {}  # of the command
+    assert parts(*limit, "N m", loop="servo")["limit"]["error"] == pytest.approx(0.5)
+    assert parts(*limit, "1")["limit"]["error"] == pytest.approx(0.5)
 
 
 def test_places_of_actuators_bodies_and_sensors() -> None:
