@@ -118,7 +118,7 @@ def test_a_tie_of_another_diagnosis_is_unchecked(tmp_path: Path) -> None:
 def test_parameters_are_compared_in_the_same_terms() -> None:
     def parts(
         name: str, target: str, true: dict[str, float], said: dict[str, float], unit: str = "", **more: Any
-    ) -> Any:
+    ) -> dict[str, Any]:
         effect = {"name": name, "target": target, "region": None,
                   "parameters": {parameter: {"value": value} for parameter, value in true.items()}}  # fmt: skip
         entry = {"name": name, "target": target,
