@@ -25,7 +25,7 @@ XML = """
 SHOULDER = Place("joint:shoulder", 0, position=(-0.4, 1.0), speed=2.0, top_speed=4.0, force=2.0, qpos=0)
 ELBOW = Place("joint:elbow", 1, position=(-0.6, 0.9), speed=2.0, top_speed=4.0, force=0.5, qpos=1)
 DRIVE = Place("actuator:drive", 0, control=1.5)
-SERVO = Place("actuator:servo", 1, control=0.8)
+SERVO = Place("actuator:servo", 1, control=0.8, servo_force=2.0)
 
 
 def sines() -> np.ndarray:

@@ -8,15 +8,16 @@ import mujoco
 import numpy as np
 import pytest
 
+from torch_activegp.physics import Parameter, Place, catalogue
 from torch_activegp.physics.actuation import ActuatorBias, ActuatorGain
-from torch_activegp.physics.servo import ServoGain, ServoLaw, ServoSaturation
+from torch_activegp.physics.servo import ServoEffect, ServoGain, ServoLaw, ServoSaturation
 
 VALUES = {ActuatorGain: 0.3, ActuatorBias: 0.2, ServoGain: -0.4, ServoSaturation: 0.6}
 
 
 @pytest.fixture
 def effect(bench: Any) -> ServoSaturation:
-    return ServoSaturation.at(dataclasses.replace(bench.servo, servo_force=2.0), bench.model)
+    return ServoSaturation.at(bench.servo, bench.model)
 
 
 @pytest.mark.parametrize("limit", [0.3, 0.8])
@@ -41,7 +42,7 @@ def test_a_limit_of_the_force_is_another_law_than_one_of_the_command(bench: Any,
 
 def test_a_narrower_limit_of_the_model_stays(bench: Any) -> None:
     narrow = dataclasses.replace(bench, xml=bench.xml.replace('kv=".2"', 'kv=".2" forcerange="-.2 3"'))
-    spec, effect = narrow.spec, ServoSaturation.at(dataclasses.replace(bench.servo, servo_force=2.0), narrow.model)
+    spec, effect = narrow.spec, ServoSaturation.at(bench.servo, narrow.model)
     assert effect.write(spec, np.array([0.5]))
     np.testing.assert_allclose(spec.actuators[1].forcerange, [-0.2, 0.5])
     assert narrow.gap(narrow.hooks(effect, [0.5]), narrow.written(effect, [0.5])) < 1e-9
@@ -60,8 +61,8 @@ def test_only_a_force_that_depends_on_the_motion_has_one(bench: Any, drive: str,
     text = bench.xml.replace('<position name="servo" joint="elbow" kp="5" kv=".2"/>', drive)
     model = mujoco.MjModel.from_xml_string(text)
     assert (ServoLaw.of(model, 1) is not None) == servo
-    assert ServoSaturation.fits(dataclasses.replace(bench.servo, servo_force=1.0), model) == servo
-    assert not ServoSaturation.fits(bench.servo, model)  # that gives no force in the recordings
+    assert ServoSaturation.fits(bench.servo, model) == servo
+    assert not ServoSaturation.fits(dataclasses.replace(bench.servo, servo_force=0.0), model)  # or rests
     if servo:
         law, data = ServoLaw.of(model, 1), mujoco.MjData(model)
         data.qpos[:], data.qvel[:], data.ctrl[:] = (0.1, 0.2), (0.3, -0.4), (0.0, 0.5)
@@ -71,14 +72,14 @@ def test_only_a_force_that_depends_on_the_motion_has_one(bench: Any, drive: str,
 
 def test_a_geared_servo_is_limited_before_its_gear(bench: Any) -> None:
     geared = dataclasses.replace(bench, xml=bench.xml.replace('kv=".2"', 'kv=".2" gear="3"'))
-    effect = ServoSaturation.at(dataclasses.replace(bench.servo, servo_force=2.0), geared.model)
+    effect = ServoSaturation.at(bench.servo, geared.model)
     assert geared.gap(geared.hooks(effect, [0.4]), geared.written(effect, [0.4])) < 1e-9
     assert effect.drives == "joint:elbow"
 
 
 @pytest.mark.parametrize("excess", [0.2, -0.3])
 def test_a_weaker_servo_is_weaker_in_its_feedback_too(bench: Any, excess: float) -> None:
-    effect = ServoGain.at(dataclasses.replace(bench.servo, servo_force=2.0), bench.model)
+    effect = ServoGain.at(bench.servo, bench.model)
     hooked = bench.hooks(effect, [excess])
     assert bench.gap(hooked, bench.written(effect, [excess])) < 1e-9
     stiff = dataclasses.replace(
@@ -94,27 +95,27 @@ def test_a_weaker_servo_is_weaker_in_its_feedback_too(bench: Any, excess: float)
 
 def test_a_damping_by_ratio_is_not_scaled(bench: Any) -> None:
     ratio = dataclasses.replace(bench, xml=bench.xml.replace('kv=".2"', 'dampratio="1"'))
-    effect = ServoGain.at(dataclasses.replace(bench.servo, servo_force=2.0), ratio.model)
+    effect = ServoGain.at(bench.servo, ratio.model)
     assert not effect.write(ratio.spec, np.array([0.1]))
 
 
 def test_a_range_that_does_not_limit_is_none(bench: Any) -> None:
     text = bench.xml.replace('kv=".2"', 'kv=".2" forcelimited="false" forcerange="-.1 .1"')
     idle = dataclasses.replace(bench, xml=text)
-    effect = ServoSaturation.at(dataclasses.replace(bench.servo, servo_force=2.0), idle.model)
+    effect = ServoSaturation.at(bench.servo, idle.model)
     assert idle.gap(idle.hooks(effect, [0.5]), idle.written(effect, [0.5])) < 1e-9
 
 
 def test_no_file_holds_an_empty_range(bench: Any) -> None:
     one_sided = dataclasses.replace(bench, xml=bench.xml.replace('kv=".2"', 'kv=".2" forcerange=".5 3"'))
-    effect = ServoSaturation.at(dataclasses.replace(bench.servo, servo_force=2.0), one_sided.model)
+    effect = ServoSaturation.at(bench.servo, one_sided.model)
     assert not effect.write(one_sided.spec, np.array([0.3]))
 
 
 @pytest.mark.parametrize("kinds", list(itertools.combinations(VALUES, 2)))
 def test_two_effects_on_one_servo_are_those_of_the_models_file(bench: Any, kinds: Any) -> None:
     """Whichever two: the simulation changes the command first, then the force, and the file holds what that does."""
-    place, model, spec = dataclasses.replace(bench.servo, servo_force=2.0), bench.model, bench.spec
+    place, model, spec = bench.servo, bench.model, bench.spec
     pairs = [(kind.at(place, model), np.array([VALUES[kind]])) for kind in kinds]
     rows, control = np.array([0]), bench.control[None, None].copy()
     for effect, values in sorted(pairs, key=lambda pair: pair[0].order):
@@ -124,3 +125,19 @@ def test_two_effects_on_one_servo_are_those_of_the_models_file(bench: Any, kinds
     spec.compile()
     simulated = bench.run(model, control[0, 0])
     assert bench.gap(simulated, bench.run(mujoco.MjModel.from_xml_string(spec.to_xml()))) < 1e-6
+
+
+class Stall(ServoEffect):
+    """No force at all past a speed: a user's own."""
+
+    name = "stall"
+    law = "none"
+
+    @classmethod
+    def at(cls, place: Place, model: mujoco.MjModel) -> Stall:
+        return cls.make(place, model, Parameter("speed", "rad/s", 1.0), [1.0], linear=0)
+
+
+def test_a_users_own_effect_on_servos_is_made_for_them_alone(bench: Any) -> None:
+    effects = catalogue(bench.model, [bench.elbow], [bench.drive, bench.servo], [], [Stall])
+    assert [effect.target for effect in effects if effect.name == "stall"] == ["actuator:servo"]
