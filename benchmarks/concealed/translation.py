@@ -93,8 +93,8 @@ def true_forms(
     name, target = truth["name"], truth["target"]
     words = described(truth)
     forms = forms_of(name, target, words, effects)
-    if key["loop"] == "servo" and name in ("actuator_saturation", "actuator_gain"):  # of its force, and its command
-        return [form for form in forms if (form[0][0].variant == "force") == (name == "actuator_saturation")]
+    if key["loop"] == "servo" and name == "actuator_saturation":
+        return [form for form in forms if form[0][0].variant == "force"]
     if name == "joint_stop":
         high = max(bound[1] for bound in truth["region"].values())
         return [form for form in forms if form[0][0].variant == ("upper" if high == np.inf else "lower")]

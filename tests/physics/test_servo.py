@@ -8,11 +8,10 @@ import mujoco
 import numpy as np
 import pytest
 
-from torch_activegp.physics import Parameter, Place, catalogue
 from torch_activegp.physics.actuation import ActuatorBias, ActuatorGain
-from torch_activegp.physics.servo import ServoEffect, ServoGain, ServoLaw, ServoSaturation
+from torch_activegp.physics.servo import ServoLaw, ServoSaturation
 
-VALUES = {ActuatorGain: 0.3, ActuatorBias: 0.2, ServoGain: -0.4, ServoSaturation: 0.6}
+VALUES = {ActuatorGain: 0.3, ActuatorBias: 0.2, ServoSaturation: 0.6}
 
 
 @pytest.fixture
@@ -34,8 +33,8 @@ def test_a_limit_of_the_force_is_another_law_than_one_of_the_command(bench: Any,
         mujoco.mj_forward(bench.model, data)
         law = effect.servo.force(state[1:2], state[3:4], control[1:2])
         np.testing.assert_allclose(law, data.actuator_force[1], atol=1e-12)
-        left = effect.changed(effect.servo, np.array([0.9])).force(state[1:2], state[3:4], control[1:2])
-        np.testing.assert_allclose(left, np.clip(law, -0.9, 0.9))
+        added = effect.added(state[1:2], state[3:4], control[1:2], np.array([0.9]))
+        np.testing.assert_allclose(law + added, np.clip(law, -0.9, 0.9), atol=1e-12)
         beyond += abs(data.actuator_force[1]) > 0.9
     assert 50 < beyond < 950
 
@@ -77,28 +76,6 @@ def test_a_geared_servo_is_limited_before_its_gear(bench: Any) -> None:
     assert effect.drives == "joint:elbow"
 
 
-@pytest.mark.parametrize("excess", [0.2, -0.3])
-def test_a_weaker_servo_is_weaker_in_its_feedback_too(bench: Any, excess: float) -> None:
-    effect = ServoGain.at(bench.servo, bench.model)
-    hooked = bench.hooks(effect, [excess])
-    assert bench.gap(hooked, bench.written(effect, [excess])) < 1e-9
-    stiff = dataclasses.replace(
-        bench, xml=bench.xml.replace('kp="5" kv=".2"', f'kp="{5 + 5 * excess}" kv="{0.2 + 0.2 * excess}"')
-    )
-    np.testing.assert_allclose(hooked, stiff.nominal(), atol=1e-12)
-    assert effect.describe(np.array([excess])) == {"gain": 1 + excess}
-    stronger = effect.changed(effect.servo, np.array([excess]))
-    np.testing.assert_allclose(stronger.bias, ServoLaw.of(stiff.model, 1).bias)
-    assert stronger.gain == pytest.approx(ServoLaw.of(stiff.model, 1).gain)
-    assert not effect.tunable  # its command's gain is that already
-
-
-def test_a_damping_by_ratio_is_not_scaled(bench: Any) -> None:
-    ratio = dataclasses.replace(bench, xml=bench.xml.replace('kv=".2"', 'dampratio="1"'))
-    effect = ServoGain.at(bench.servo, ratio.model)
-    assert not effect.write(ratio.spec, np.array([0.1]))
-
-
 def test_a_range_that_does_not_limit_is_none(bench: Any) -> None:
     text = bench.xml.replace('kv=".2"', 'kv=".2" forcelimited="false" forcerange="-.1 .1"')
     idle = dataclasses.replace(bench, xml=text)
@@ -125,19 +102,3 @@ def test_two_effects_on_one_servo_are_those_of_the_models_file(bench: Any, kinds
     spec.compile()
     simulated = bench.run(model, control[0, 0])
     assert bench.gap(simulated, bench.run(mujoco.MjModel.from_xml_string(spec.to_xml()))) < 1e-6
-
-
-class Stall(ServoEffect):
-    """No force at all past a speed: a user's own."""
-
-    name = "stall"
-    law = "none"
-
-    @classmethod
-    def at(cls, place: Place, model: mujoco.MjModel) -> Stall:
-        return cls.make(place, model, Parameter("speed", "rad/s", 1.0), [1.0], linear=0)
-
-
-def test_a_users_own_effect_on_servos_is_made_for_them_alone(bench: Any) -> None:
-    effects = catalogue(bench.model, [bench.elbow], [bench.drive, bench.servo], [], [Stall])
-    assert [effect.target for effect in effects if effect.name == "stall"] == ["actuator:servo"]

@@ -21,7 +21,7 @@ from torch_activegp.physics.payload import DensityError, PayloadAlong, PayloadAs
 from torch_activegp.physics.place import Place
 from torch_activegp.physics.play import MEMORY
 from torch_activegp.physics.sensing import SENSING, SensorEffect
-from torch_activegp.physics.servo import SERVO, ServoEffect
+from torch_activegp.physics.servo import ServoSaturation
 from torch_activegp.physics.soft_friction import SoftCoulombFriction
 from torch_activegp.physics.springs import POSITION_FORCES
 from torch_activegp.physics.springy_backlash import SPRINGY_BACKLASH
@@ -38,7 +38,7 @@ _LISTED: tuple[type[Effect], ...] = (
     *BACKLASH,
     *SPRINGY_BACKLASH,
     *ACTUATION,
-    *SERVO,
+    ServoSaturation,
     *SENSING,
     *_BODY_EFFECTS,
     GravityError,
@@ -69,14 +69,14 @@ def catalogue(
             take a place and a model or returns something else.
     """
     on_joints: tuple[type[Effect], ...] = (*JOINT_EFFECTS, SoftCoulombFriction, *BACKLASH, *SPRINGY_BACKLASH)
-    on_drives: tuple[type[Effect], ...] = (*ACTUATION, *SERVO)
+    on_drives: tuple[type[Effect], ...] = (*ACTUATION, ServoSaturation)
     listed = ((joints, on_joints), (actuators, on_drives), (sensors, SENSING))
     pairs = ((place, kind) for places, kinds in listed for place in places for kind in kinds)
     effects: list[Effect] = [kind.at(place, model) for place, kind in pairs if kind.fits(place, model)]
     effects += body_effects(model)
     pulls = pulls_of_gravity(model)
     effects += [GravityError.along(*axes, pulls=pulls) for axes in _AXES]
-    places = {JointEffect: joints, ActuatorEffect: actuators, ServoEffect: actuators, SensorEffect: sensors}
+    places = {JointEffect: joints, ActuatorEffect: actuators, SensorEffect: sensors}
     taken = {kind.name for kind in _LISTED}
     for kind in more:
         acts_on = _places_of(kind, places)

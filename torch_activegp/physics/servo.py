@@ -1,9 +1,9 @@
-"""Drives whose force depends on the motion, such as position servos: all of it may be weaker, or end at a limit."""
+"""A drive whose force depends on the motion, such as a position servo, and ends at a limit."""
 
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from typing import Self
 
 import mujoco
@@ -82,8 +82,8 @@ class ServoLaw:
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
-class ServoEffect(Effect):
-    """Base of the effects on the force of a servo, its feedback included.
+class ServoSaturation(Effect):
+    """clip(f, -limit, limit) of a servo's force f, its feedback included; `ActuatorSaturation` limits its command.
 
     Args:
         servo: its law in the nominal model.
@@ -91,51 +91,39 @@ class ServoEffect(Effect):
 
     servo: ServoLaw = dataclasses.field(kw_only=True)
 
+    name = "actuator_saturation"
+    never_negative = frozenset({"limit"})
+    law = "clip(f, -limit, limit) of the servo's force f"
+    order = ActuatorSaturation.order + 1
+
     @classmethod
     def fits(cls, place: Place, model: mujoco.MjModel) -> bool:
         """Whether the drive is a servo that moves a recorded joint."""
         return place.servo_force > 0.0 and ServoLaw.of(model, _actuator_at(place, model)) is not None
 
     @classmethod
-    def make(
-        cls, place: Place, model: mujoco.MjModel, parameter: Parameter, seeds: Sequence[float], linear: int
-    ) -> Self:
-        """Makes the effect for an actuator."""
-        servo = ServoLaw.of(model, _actuator_at(place, model))
+    def at(cls, place: Place, model: mujoco.MjModel) -> Self:
+        """Makes the effect for an actuator, sized by the force that it gives in the recordings."""
+        top, servo = place.servo_force, ServoLaw.of(model, _actuator_at(place, model))
         assert servo is not None
-        values = np.array(seeds)[:, None]
-        return cls(place.target, (parameter,), values, linear=linear, variant="force", servo=servo)
+        parameter = Parameter("limit", servo.unit, 0.03 * top, low=0.02 * top, high=top, place=True)
+        seeds = top * np.array(_SEEDS)[:, None]
+        return cls(place.target, (parameter,), seeds, linear=0, variant="force", servo=servo)
 
     @property
     def drives(self) -> str:
         """The joint that it acts on."""
         return f"joint:{self.servo.joint}"
 
-    def changed(self, law: ServoLaw, values: Array) -> ServoLaw:
-        """A servo's law with the effect, values ``(P,)``."""
-        raise NotImplementedError
+    def limits(self, values: Array) -> tuple[float, float]:
+        """Where the servo's force ends then, low and high, with its own limits; values ``(P,)``."""
+        low, high = self.servo.limits
+        return max(low, -float(values[0])), min(high, float(values[0]))
 
-
-class ServoSaturation(ServoEffect):
-    """clip(f, -limit, limit) of a servo's force f, its feedback included; `ActuatorSaturation` limits its command."""
-
-    name = "actuator_saturation"
-    never_negative = frozenset({"limit"})
-    law = "clip(f, -limit, limit) of the servo's force f"
-    order = ActuatorSaturation.order + 2
-
-    @classmethod
-    def at(cls, place: Place, model: mujoco.MjModel) -> Self:
-        """Makes the effect for an actuator, sized by the force that it gives in the recordings."""
-        top, servo = place.servo_force, ServoLaw.of(model, _actuator_at(place, model))
-        unit = "" if servo is None else servo.unit
-        parameter = Parameter("limit", unit, 0.03 * top, low=0.02 * top, high=top, place=True)
-        return cls.make(place, model, parameter, [top * share for share in _SEEDS], linear=0)
-
-    def changed(self, law: ServoLaw, values: Array) -> ServoLaw:
-        """Narrows its limits."""
-        low, high = law.limits
-        return dataclasses.replace(law, limits=(max(low, -float(values[0])), min(high, float(values[0]))))
+    def added(self, position: Array, velocity: Array, control: Array, values: Array) -> Array:
+        """What it adds to the joint's force along a motion; arguments as of :meth:`ServoLaw.force`."""
+        force = self.servo.force(position, velocity, control)
+        return np.asarray(self.servo.gear * (np.clip(force, *self.limits(values)) - force))
 
     def edit(self, field: Callable[[str], Array], rows: Index, values: Array) -> bool:
         """Narrows ``actuator_forcerange``."""
@@ -147,7 +135,7 @@ class ServoSaturation(ServoEffect):
 
     def write(self, spec: mujoco.MjSpec, values: Array) -> bool:
         """Writes ``forcerange``, unless that would be empty."""
-        low, high = self.changed(self.servo, values).limits
+        low, high = self.limits(values)
         if low >= high:
             return False
         actuator = element(spec, spec.actuators, self.target)
@@ -156,53 +144,6 @@ class ServoSaturation(ServoEffect):
         return True
 
 
-class ServoGain(ServoEffect):
-    """(1 + c) f: all of a servo's force f is stronger or weaker; `ActuatorGain` scales its command alone.
-
-    What other effects do to the command is scaled too.
-    """
-
-    name = "actuator_gain"
-    law = "g f of the servo's force f"
-    order = ActuatorSaturation.order + 1
-
-    @classmethod
-    def at(cls, place: Place, model: mujoco.MjModel) -> Self:
-        """Makes the effect for an actuator."""
-        return cls.make(place, model, Parameter("excess", "1", 0.05, low=-0.95, high=9.0), [0.05], linear=1)
-
-    def changed(self, law: ServoLaw, values: Array) -> ServoLaw:
-        """Scales its gain and its bias."""
-        factor = 1.0 + float(values[0])
-        constant, stiffness, damping = law.bias
-        return dataclasses.replace(
-            law, gain=factor * law.gain, bias=(factor * constant, factor * stiffness, factor * damping)
-        )
-
-    def edit(self, field: Callable[[str], Array], rows: Index, values: Array) -> bool:
-        """Scales ``actuator_gainprm`` and ``actuator_biasprm``."""
-        for name in ("actuator_gainprm", "actuator_biasprm"):
-            field(name)[rows, self.servo.actuator, :3] *= 1.0 + values
-        return False
-
-    def write(self, spec: mujoco.MjSpec, values: Array) -> bool:
-        """Scales ``gainprm`` and ``biasprm``, but not a damping that is given as a ratio."""
-        actuator = element(spec, spec.actuators, self.target)
-        if actuator.biasprm[2] > 0.0:
-            return False
-        actuator.gainprm[0] *= 1.0 + float(values[0])
-        actuator.biasprm[:3] *= 1.0 + float(values[0])
-        return True
-
-    def describe(self, values: Array) -> dict[str, float]:
-        """The gain, 1 for the model's own."""
-        return {"gain": 1.0 + float(values[0])}
-
-
 def _actuator_at(place: Place, model: mujoco.MjModel) -> int:
     """The number of the actuator that a place's control feeds."""
     return int(np.flatnonzero((model.actuator_ctrladr == place.index) & (model.actuator_ctrlnum > 0))[0])
-
-
-SERVO: tuple[type[ServoEffect], ...] = (ServoGain, ServoSaturation)
-"""The family, in the order in which a modeller would try them."""

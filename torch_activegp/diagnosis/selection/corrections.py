@@ -16,7 +16,7 @@ from torch_activegp.diagnosis.shooting.fit import Fit
 from torch_activegp.diagnosis.shooting.likelihood import Shooting
 from torch_activegp.physics.actuator import ActuatorEffect
 from torch_activegp.physics.effect import Effect
-from torch_activegp.physics.servo import ServoEffect
+from torch_activegp.physics.servo import ServoSaturation
 
 _MOST = 5
 _FAR = 4
@@ -87,5 +87,5 @@ def _only_corrects(selection: Selection, shooting: Shooting, needed: bool) -> bo
 
 def _joint(effect: Effect) -> str:
     """The joint that an effect acts on, or its own target where there is no single one."""
-    driven = effect.drives if isinstance(effect, ActuatorEffect | ServoEffect) else ""
+    driven = effect.drives if isinstance(effect, ActuatorEffect | ServoSaturation) else ""
     return (driven or effect.target).replace("sensor:", "joint:")

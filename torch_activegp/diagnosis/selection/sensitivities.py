@@ -18,7 +18,7 @@ from torch_activegp.physics.effect import Effect
 from torch_activegp.physics.joint import JointEffect
 from torch_activegp.physics.play import Hysteresis
 from torch_activegp.physics.sensing import SensorDelay, SensorEffect
-from torch_activegp.physics.servo import ServoEffect
+from torch_activegp.physics.servo import ServoSaturation
 
 _MOST_BYTES = 30_000_000
 """Of controls that are changed side by side."""
@@ -60,7 +60,7 @@ def effect_columns(
     for i, (effect, values) in enumerate(wanted):
         if isinstance(effect, JointEffect):
             forces.setdefault(channel[effect.dof], []).append(i)
-        elif isinstance(effect, ServoEffect):
+        elif isinstance(effect, ServoSaturation):
             forces.setdefault(channel[effect.servo.dof], []).append(i)
         elif isinstance(effect, SensorEffect):
             out[..., i] = _sensor_column(effect, values, linear, shooting.segments.dt)
@@ -134,24 +134,12 @@ def _law(
         return np.asarray(0.5 * (along[:, 1:] + along[:, :-1]))
     if effect.name == "armature_error":
         return np.asarray(-values[0] * np.diff(velocity, axis=1) / shooting.segments.dt)
-    assert isinstance(effect, JointEffect | ServoEffect)
+    assert isinstance(effect, JointEffect | ServoSaturation)
     middle, speed = (0.5 * (some[:, 1:] + some[:, :-1]) for some in (position, velocity))
-    if isinstance(effect, ServoEffect):
-        return _servos_change(effect, values, (middle, speed), shooting, fit)
+    if isinstance(effect, ServoSaturation):
+        control = shooting.engine.controls(shooting.segments, fit.candidate)
+        return effect.added(middle, speed, control[..., effect.servo.index], values)
     return effect.force(middle, speed, values)
-
-
-def _servos_change(
-    effect: ServoEffect, values: Array, motion: tuple[Array, Array], shooting: Shooting, fit: Fit
-) -> Array:
-    """What an effect on top of a fit adds to the force of a servo on its joint, ``(S, K)``."""
-    law = effect.servo
-    control = shooting.engine.controls(shooting.segments, fit.candidate)[..., law.index]
-    for other, there in fit.by_effect.items():
-        if isinstance(other, ServoEffect) and other.target == effect.target:
-            law = other.changed(law, there)
-    after = effect.changed(law, values)
-    return np.asarray(law.gear * (after.force(*motion, control) - law.force(*motion, control)))
 
 
 def _sensor_column(effect: SensorEffect, values: Array, linear: Linearization, dt: Array) -> Array:

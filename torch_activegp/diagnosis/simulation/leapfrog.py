@@ -34,9 +34,7 @@ def halve_damping(model: mujoco.MjModel, field: Callable[[str], Array], rows: in
         rows: the first so many simulations.
         step: length h of the time steps of each, ``(rows,)``, s.
     """
-    damping = field("dof_damping")[:rows].copy()
-    if servo_damping(model).any():
-        damping += servo_damping(model, field("actuator_biasprm")[:rows])
+    damping = field("dof_damping")[:rows] + servo_damping(model)
     if not damping.any():
         return
     inertia = np.minimum(0.5 * step[:, None] * damping, _MOST / model.nv / model.dof_invweight0)
@@ -44,21 +42,16 @@ def halve_damping(model: mujoco.MjModel, field: Callable[[str], Array], rows: in
     field("dof_M0")[:rows] -= inertia
 
 
-def servo_damping(model: mujoco.MjModel, bias: Array | None = None) -> Array:
+def servo_damping(model: mujoco.MjModel) -> Array:
     """What drives of joints add to the damping by their own law, ``(nv,)``, N m s/rad or N s/m.
 
     MuJoCo takes none of those implicitly whose force is at its limit; drives with a limit are left out.
-
-    Args:
-        model: with the drives.
-        bias: ``actuator_biasprm`` of some simulations in place of the model's, ``(rows, nu, 10)``; then ``(rows, nv)``.
     """
-    bias = model.actuator_biasprm if bias is None else bias
-    out = np.zeros((*bias.shape[:-2], model.nv))
+    out = np.zeros(model.nv)
     for drive in np.flatnonzero((model.actuator_trntype == _JOINT) & (model.actuator_biastype == _AFFINE)):
         joint = model.actuator_trnid[drive, 0]
         if not (model.actuator_forcelimited[drive] or model.jnt_actfrclimited[joint]):
-            out[..., model.jnt_dofadr[joint]] -= bias[..., drive, 2] * model.actuator_gear[drive, 0] ** 2
+            out[model.jnt_dofadr[joint]] -= model.actuator_biasprm[drive, 2] * model.actuator_gear[drive, 0] ** 2
     return np.maximum(out, 0.0)
 
 
