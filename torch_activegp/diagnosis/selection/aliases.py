@@ -8,7 +8,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from torch_activegp.diagnosis.inputs.runs import Array
-from torch_activegp.diagnosis.selection.compared import Selection, compare
+from torch_activegp.diagnosis.selection.compared import Selection
 from torch_activegp.diagnosis.selection.heats import CLOSE, PART
 from torch_activegp.diagnosis.selection.proposals import Set, diverse, paired
 from torch_activegp.diagnosis.selection.screening import Atom, allowed, atom_at, without
@@ -40,7 +40,9 @@ def try_aliases(selection: Selection, shooting: Shooting, effects: Sequence[Effe
         near = best.chi2 + CLOSE * selection.score.scale  # others were given up, perhaps
         known = {frozenset(fit.effects) for fit in selection.fits if fit.chi2 < near}
         sets = [some for some in _in_place(selection, shooting, effects) if frozenset(some[0]) not in known]
-        compare(shooting, selection, sets, best, race=shooting.work + _WORK, rounds=_ROUNDS)
+        # in no race: what the others have to make up for comes after two steps
+        selection.add(shooting.fit(sets, best.starts, _ROUNDS, near=best, work=shooting.work + _WORK))
+        selection.rescale(shooting.dof)
         if selection.best is best:
             return
 
