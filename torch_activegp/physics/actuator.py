@@ -13,6 +13,11 @@ from torch_activegp.physics.effect import Effect, Parameter, element
 from torch_activegp.physics.place import Place
 
 
+def fed_by(model: mujoco.MjModel, control: int) -> int:
+    """The number of the actuator that a control feeds."""
+    return int(np.flatnonzero((model.actuator_ctrladr == control) & (model.actuator_ctrlnum > 0))[0])
+
+
 @dataclasses.dataclass(frozen=True, eq=False)
 class ActuatorEffect(Effect):
     """Base of the effects on a control.
@@ -39,8 +44,7 @@ class ActuatorEffect(Effect):
         cls, place: Place, model: mujoco.MjModel, parameter: Parameter, seeds: Sequence[float], linear: int = 0
     ) -> Self:
         """Makes the effect for an actuator."""
-        fed = (model.actuator_ctrladr == place.index) & (model.actuator_ctrlnum > 0)
-        actuator = int(np.flatnonzero(fed)[0])
+        actuator = fed_by(model, place.index)
         joint, kind = int(model.actuator_trnid[actuator, 0]), int(model.actuator_trntype[actuator])
         direct = kind in (int(mujoco.mjtTrn.mjTRN_JOINT), int(mujoco.mjtTrn.mjTRN_JOINTINPARENT))
         return cls(

@@ -10,6 +10,7 @@ import mujoco
 import numpy as np
 
 from torch_activegp.physics.actuation import ActuatorSaturation
+from torch_activegp.physics.actuator import fed_by
 from torch_activegp.physics.effect import Array, Effect, Index, Parameter, element
 from torch_activegp.physics.place import Place
 
@@ -99,12 +100,12 @@ class ServoSaturation(Effect):
     @classmethod
     def fits(cls, place: Place, model: mujoco.MjModel) -> bool:
         """Whether the drive is a servo that moves a recorded joint."""
-        return place.servo_force > 0.0 and ServoLaw.of(model, _actuator_at(place, model)) is not None
+        return place.servo_force > 0.0 and ServoLaw.of(model, fed_by(model, place.index)) is not None
 
     @classmethod
     def at(cls, place: Place, model: mujoco.MjModel) -> Self:
         """Makes the effect for an actuator, sized by the force that it gives in the recordings."""
-        top, servo = place.servo_force, ServoLaw.of(model, _actuator_at(place, model))
+        top, servo = place.servo_force, ServoLaw.of(model, fed_by(model, place.index))
         assert servo is not None
         parameter = Parameter("limit", servo.unit, 0.03 * top, low=0.02 * top, high=top, place=True)
         seeds = top * np.array(_SEEDS)[:, None]
@@ -142,8 +143,3 @@ class ServoSaturation(Effect):
         actuator.forcerange = np.array([low, high])
         actuator.forcelimited = mujoco.mjtLimited.mjLIMITED_TRUE
         return True
-
-
-def _actuator_at(place: Place, model: mujoco.MjModel) -> int:
-    """The number of the actuator that a place's control feeds."""
-    return int(np.flatnonzero((model.actuator_ctrladr == place.index) & (model.actuator_ctrlnum > 0))[0])

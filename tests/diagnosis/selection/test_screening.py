@@ -5,7 +5,7 @@ import dataclasses
 import numpy as np
 import pytest
 
-from torch_activegp.diagnosis.selection.screening import Screen, atom_at, screen
+from torch_activegp.diagnosis.selection.screening import Screen, _atom, screen
 from torch_activegp.diagnosis.simulation.candidate import Candidate
 
 
@@ -75,19 +75,19 @@ def test_the_first_guess_of_a_shape_without_amplitudes_is_close_to_it(clean, nam
 )
 def test_a_size_is_scaled_up_to_the_seeds_next_to_it(bench, number, amplitude, wanted) -> None:
     effect = bench.effect("actuator_delay", "actuator:drive")
-    atom = atom_at(effect, effect.seeds[number], slice(0, 1), 4.0, np.array([amplitude]))
+    atom = _atom(effect, effect.seeds[number], slice(0, 1), 4.0, np.array([amplitude]))
     assert atom.values == pytest.approx(effect.seeds[wanted[0]] * wanted[1])
 
 
 @pytest.mark.parametrize(("number", "amplitude", "gain"), [(0, 0.01, 4.0), (2, 1.0, 4.0), (2, 0.001, 0.0)])
 def test_a_seed_far_from_the_size_that_is_wanted_gains_little(bench, number, amplitude, gain) -> None:
     effect = bench.effect("actuator_delay", "actuator:drive")
-    assert atom_at(effect, effect.seeds[number], slice(0, 1), 4.0, np.array([amplitude])).gain == pytest.approx(gain)
+    assert _atom(effect, effect.seeds[number], slice(0, 1), 4.0, np.array([amplitude])).gain == pytest.approx(gain)
 
 
 def test_a_place_is_not_scaled(bench) -> None:
     effect = bench.effect("actuator_saturation", "actuator:drive")
-    atom = atom_at(effect, effect.seeds[3], slice(0, 1), 4.0, np.array([0.5]))
+    atom = _atom(effect, effect.seeds[3], slice(0, 1), 4.0, np.array([0.5]))
     assert (atom.values == effect.seeds[3]).all()
 
 

@@ -11,16 +11,16 @@ from torch_activegp.diagnosis.inputs.runs import Array
 from torch_activegp.diagnosis.selection.compared import Selection
 from torch_activegp.diagnosis.selection.heats import CLOSE, PART
 from torch_activegp.diagnosis.selection.proposals import Set, diverse, paired
-from torch_activegp.diagnosis.selection.screening import Atom, allowed, atom_at, without
+from torch_activegp.diagnosis.selection.screening import Atom, allowed, atoms_of, without
 from torch_activegp.diagnosis.selection.sensitivities import effect_columns, parameter_columns, remembered, unit_values
-from torch_activegp.diagnosis.shooting.elimination import gained_by, project
+from torch_activegp.diagnosis.selection.stand_ins import AS_MUCH
+from torch_activegp.diagnosis.shooting.elimination import project
 from torch_activegp.diagnosis.shooting.fit import Fit
 from torch_activegp.diagnosis.shooting.likelihood import Shooting
 from torch_activegp.diagnosis.shooting.linearize import linearize
 from torch_activegp.diagnosis.shooting.score import NOISE_ALONE
 from torch_activegp.physics.effect import Effect
 
-_AS_MUCH = 0.99
 _MOST = 4
 """Aliases of one effect that are fitted."""
 _ROUNDS, _TIMES, _WORK = 20, 2, 5e6
@@ -52,15 +52,14 @@ def _in_place(selection: Selection, shooting: Shooting, effects: Sequence[Effect
     best, found = selection.best, dict[frozenset[Effect], Set]()
     for effect in (e for e in best.effects if e.key not in selection.score.free):
         rest = [(e, v) for e, v in best.by_effect.items() if e is not effect]
-        alike = {atom.effect: atom for atom in reversed(aliases(shooting, best, effect, effects))}
-        for atom in diverse(list(alike.values())[::-1], _MOST):
+        for atom in diverse(aliases(shooting, best, effect, effects), _MOST):
             some = paired([*rest, (atom.effect, atom.values)])
             found.setdefault(frozenset(some[0]), some)
     return list(found.values())
 
 
 def aliases(shooting: Shooting, fit: Fit, effect: Effect, effects: Sequence[Effect]) -> list[Atom]:
-    """What could take the place of one effect of a fit, the most alike first.
+    """What could take the place of one effect of a fit, each at its best seed, the most alike first.
 
     What it does there is a combination of columns; another one is an alias if it makes up 99 % of that beside initial
     states and the other fitted parameters. Of a limit, which has no amplitude, nothing is told.
@@ -77,8 +76,8 @@ def aliases(shooting: Shooting, fit: Fit, effect: Effect, effects: Sequence[Effe
     here, others = fit.pick(which), tuple(e for e in fit.effects if e is not effect)
     rest = dataclasses.replace(fit, effects=others, values=tuple(fit.by_effect[e] for e in others))
     free = [e for e in allowed(effects, rest) if e.key != effect.key and effect.name not in e.covers]
-    plan = [(e, seed, max(e.linear, 1)) for e in free for seed in e.seeds]
-    wanted = [(e, values) for e, seed, _ in plan for values in unit_values(e, seed)]
+    plan = [(e, seed) for e in free for seed in e.seeds]
+    wanted = [(e, values) for e, seed in plan for values in unit_values(e, seed)]
     linear = linearize(part, here)
     held, tested = parameter_columns(part, here), effect_columns(part, here, wanted, linear, remembered(wanted, part))
     blocks = linear.respond_to_start(), np.concatenate([held, tested], axis=-1)
@@ -88,16 +87,12 @@ def aliases(shooting: Shooting, fit: Fit, effect: Effect, effects: Sequence[Effe
     own = np.arange(first, first + len(effect.parameters))
     order = [*(i for i in range(fit.size) if i not in own), *own.tolist(), *range(fit.size, len(normal))]
     normal, _ = without(fit.size - len(own), normal[np.ix_(order, order)], np.zeros(len(normal)))
-    mine, amount = slice(0, len(own)), _steps(effect, fit.by_effect[effect])
-    pull, least = normal[:, mine] @ amount, _AS_MUCH * float(amount @ normal[mine, mine] @ amount)
-    found, at = [], len(own)
-    for other, seed, width in plan:
-        where = slice(at, at + width)
-        atom = atom_at(other, seed, where, *gained_by(normal[where, where], pull[where]))
-        at += width
-        if atom.gain > least > 0.0 and _inside(atom):
-            found.append(atom)
-    return sorted(found, key=lambda atom: -atom.gain)
+    mine, theirs, amount = slice(0, len(own)), slice(len(own), None), _steps(effect, fit.by_effect[effect])
+    pull, least = normal[theirs, mine] @ amount, AS_MUCH * float(amount @ normal[mine, mine] @ amount)
+    atoms = atoms_of(plan, normal[theirs, theirs], pull)
+    found = sorted((a for a in atoms if a.gain > least > 0.0 and _inside(a)), key=lambda atom: atom.gain)
+    best = {atom.effect: atom for atom in found}  # the last, the best one, of each
+    return sorted(best.values(), key=lambda atom: -atom.gain)
 
 
 def _steps(effect: Effect, values: Array) -> Array:

@@ -146,8 +146,8 @@ def screen(shooting: Shooting, fit: Fit, effects: Sequence[Effect]) -> Screen:
             yield shooting.pick(some), fit.pick(some), linear.pick(some)
 
     seeds = _scanned(channels_of(shooting), rows(), effects)
-    plan = [(e, seed, max(e.linear, 1)) for e in effects for seed in [*e.seeds, *seeds.get(e, [])]]
-    wanted = [(e, values) for e, seed, _ in plan for values in unit_values(e, seed)]
+    plan = [(e, seed) for e in effects for seed in [*e.seeds, *seeds.get(e, [])]]
+    wanted = [(e, values) for e, seed in plan for values in unit_values(e, seed)]
     memory = remembered(wanted, shooting)
     normal, gradient = np.zeros((0, 0)), np.zeros(0)
     for part, here, around in rows():
@@ -160,14 +160,19 @@ def screen(shooting: Shooting, fit: Fit, effects: Sequence[Effect]) -> Screen:
         more, along = project(start, np.concatenate([held, tested], axis=-1), part.residual_of(here))
         normal, gradient = (normal + more, gradient + along) if normal.size else (more, along)
     normal, gradient = without(fit.size, normal, gradient)
+    return Screen(tuple(atoms_of(plan, normal, gradient)), normal, gradient)
+
+
+def atoms_of(plan: Sequence[tuple[Effect, Array]], normal: Array, gradient: Array) -> list[Atom]:
+    """What effects at their seeds gain to first order, each with its columns in the normal equations of all."""
     atoms, at = [], 0
-    for effect, seed, width in plan:
-        where = slice(at, at + width)
-        atoms.append(atom_at(effect, seed, where, *gained_by(normal[where, where], gradient[where])))
+    for effect, seed in plan:
+        where = slice(at, at + max(effect.linear, 1))
+        atoms.append(_atom(effect, seed, where, *gained_by(normal[where, where], gradient[where])))
         if effect.vector and not np.diag(normal)[where].all():  # a component that shows nowhere: the others are enough
             atoms[-1] = dataclasses.replace(atoms[-1], gain=0.0)
-        at += width
-    return Screen(tuple(atoms), normal, gradient)
+        at = where.stop
+    return atoms
 
 
 def allowed(effects: Sequence[Effect], fit: Fit) -> list[Effect]:
@@ -202,8 +207,7 @@ def _scanned(channel: Mapping[int, int], rows: Iterable[_Row], effects: Sequence
     return out
 
 
-def atom_at(effect: Effect, seed: Array, where: slice, gain: float, amplitude: Array) -> Atom:
-    """An effect at one of its seeds with what its columns gain, and with which amplitudes of them."""
+def _atom(effect: Effect, seed: Array, where: slice, gain: float, amplitude: Array) -> Atom:
     values = _with_amplitude(effect, seed, amplitude)
     wanted = np.any(values[: effect.linear]) if effect.linear else amplitude[0] > 0.0
     if wanted and _is_a_size(effect):  # all seeds of a small one gain the same: the one that comes near it leads

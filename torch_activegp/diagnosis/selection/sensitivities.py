@@ -57,6 +57,8 @@ def effect_columns(
     simulated: list[int] = []
     controlled: list[int] = []
     channel = channels_of(shooting)
+    served = any(isinstance(effect, ServoSaturation) for effect, _ in wanted)
+    control = shooting.engine.controls(shooting.segments, fit.candidate) if served else None
     for i, (effect, values) in enumerate(wanted):
         if isinstance(effect, JointEffect):
             forces.setdefault(channel[effect.dof], []).append(i)
@@ -67,7 +69,7 @@ def effect_columns(
         else:
             (controlled if isinstance(effect, ActuatorEffect) else simulated).append(i)
     for c, members in forces.items():
-        laws = np.stack([_law(*wanted[i], linear, c, shooting, fit, memory.get(i)) for i in members], axis=-1)
+        laws = np.stack([_law(*wanted[i], linear, c, shooting, control, memory.get(i)) for i in members], axis=-1)
         out[..., members] = linear.respond_to_force(c, laws)
     if controlled:
         chosen = [(wanted[i][0], memory[i]) for i in controlled]
@@ -122,10 +124,13 @@ def _law(
     linear: Linearization,
     channel: int,
     shooting: Shooting,
-    fit: Fit,
+    control: Array | None,
     whole: Array | None,
 ) -> Array:
-    """The force of a law in the middle of every interval, ``(S, K)``; one with a memory has it over whole runs."""
+    """The force of a law in the middle of every interval, ``(S, K)``; one with a memory has it over whole runs.
+
+    That of a servo wants what reaches it in each interval, ``(S, K, nu)``.
+    """
     position = linear.states[..., linear.positions[channel]]
     velocity = linear.states[..., linear.velocities[channel]]
     if whole is not None:
@@ -137,7 +142,7 @@ def _law(
     assert isinstance(effect, JointEffect | ServoSaturation)
     middle, speed = (0.5 * (some[:, 1:] + some[:, :-1]) for some in (position, velocity))
     if isinstance(effect, ServoSaturation):
-        control = shooting.engine.controls(shooting.segments, fit.candidate)
+        assert control is not None
         return effect.added(middle, speed, control[..., effect.servo.index], values)
     return effect.force(middle, speed, values)
 

@@ -21,7 +21,7 @@ from torch_activegp.physics.soft_friction import SOFT
 
 RIVALS, MOST_RIVALS = 4, 8
 """Others that are tried in place of an effect, and where they gain as much as it does, to first order."""
-_AS_MUCH = 0.99
+AS_MUCH = 0.99
 """So much is as much: of an encoder's offset behind a gap and a gain, four others gained 0.01 % more, and a centre of
 mass was named without it."""
 ALIKE = 0.6
@@ -83,7 +83,7 @@ def _in_place(best: Fit, effect: Effect, part: Shooting, fit: Fit, effects: Sequ
     atoms = [a for a in screened.best() if a.gain >= ALIKE * own and not _same_or_more(a.effect, effect)]
     found: list[Set] = []
     first = diverse(atoms, RIVALS)
-    alike = [atom for atom in diverse(atoms, MOST_RIVALS)[len(first) :] if atom.gain > _AS_MUCH * own]
+    alike = [atom for atom in diverse(atoms, MOST_RIVALS)[len(first) :] if atom.gain > AS_MUCH * own]
     for atom in [*first, *alike]:
         rival = join(fit, [atom])
         found.append(rival)

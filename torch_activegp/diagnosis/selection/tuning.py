@@ -139,11 +139,10 @@ def is_a_tuning(
     runs.
     """
     clearly = needed and len(tunable) >= _MANY and selection.best.chi2 < NOISE_ALONE * shooting.dof
-    if len(tunable) <= _FEW or clearly:
-        if _was_not_tuned(shooting, selection, len(tunable)):
-            return False
-        if clearly:
-            return True
+    if (len(tunable) <= _FEW or clearly) and _was_not_tuned(shooting, selection, len(tunable)):
+        return False
+    if clearly:
+        return True
     alone, without = (fitted(shooting, selection, some) for some in (tunable, others))
     return only_undoes(selection.nominal, alone, without, selection.best, needed)
 

@@ -65,7 +65,7 @@ def is_of_second_order(model: mujoco.MjModel) -> bool:
         return False
     model = copy.copy(model)
     model.opt.disableflags |= int(mujoco.mjtDisableBit.mjDSBL_CONTACT)
-    data, rng, damping = mujoco.MjData(model), np.random.default_rng(0), model.dof_damping + servo_damping(model)
+    data, rng, damping = mujoco.MjData(model), np.random.default_rng(0), model.dof_damping
     with warnings_to(_logger.debug):
         for _ in range(_POSES):
             mujoco.mj_resetData(model, data)
