@@ -88,6 +88,9 @@ def test_a_map_says_that_positions_come_from_a_video() -> None:
 def test_the_flat_and_the_nested_form_are_one() -> None:
     nested = ColumnMap.from_mapping({"qpos": {"a": {"unit": "deg"}}, "ctrl": {"m": "u"}})
     flat = ColumnMap.from_mapping({"qpos.a": {"unit": "deg"}, "ctrl.m": "u"})
+    below = ColumnMap.from_mapping({"video": True, "columns": {"qpos.a": {"unit": "deg"}, "ctrl": {"m": "u"}}})
+    assert below.video
+    assert below.rules == flat.rules
     assert nested.rules == flat.rules == {"qpos.a": ColumnRule("qpos.a", math.pi / 180), "ctrl.m": ColumnRule("u")}
 
 
@@ -114,6 +117,8 @@ def test_numbers_name_runs(run: list, names: list[str]) -> None:
         ({"position.a": "x"}, "map.toml: `position.a` is not a canonical column"),
         ({"enc1": "qpos.a"}, "The canonical name stands on the left"),
         ({"qpos": "x"}, "`qpos` is not a canonical column"),
+        ({"columns": "x"}, "`columns` wants the lines of the map as a table, each once; found 'x'"),
+        ({"time": "t", "columns": {"time": "s"}}, "found `time` in and above it"),
         ({"qpos": {"a": 3}}, "`qpos.a` wants the file's column name or a table of settings, found 3"),
         ({"qpos": {"a": {"colum": "x"}}}, "unknown setting `colum`: use column, unit"),
         ({"qpos": {"a": {"scale": "2"}}}, "`scale` of `qpos.a` is '2': int wanted"),

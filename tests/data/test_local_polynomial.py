@@ -53,3 +53,14 @@ def test_a_higher_degree_follows_more_and_averages_noise(jitter: float, generato
 def test_an_impossible_window_is_refused(window: int, generator: torch.Generator) -> None:
     with pytest.raises(ConfigurationError, match=f"odd number from 5 to 60 rows wanted, found {window}"):
         local_slope(clock(0, generator), clock(0, generator), window)
+
+
+def test_the_same_signal_gives_the_same_bits(generator: torch.Generator) -> None:
+    """Whatever the memory held before that the solver works in."""
+    time = torch.arange(300).double() * 0.01 + 0.004 * torch.rand(300, generator=generator, dtype=torch.double)
+    values = torch.randn(300, generator=generator, dtype=torch.double)
+    first = local_slope(time, values, 13)
+    for left in range(1, 60):
+        scrap = [torch.full((size,), left % 7, dtype=torch.int32) for size in (1, 2, 4, 8, 16, 32)]
+        del scrap
+        assert torch.equal(local_slope(time, values, 13), first)

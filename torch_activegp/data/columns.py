@@ -26,7 +26,8 @@ A TOML file with one line for each canonical column. The value is the file's own
 ==================  ================================================================================================
 
 The value is ``sign * scale * unit * raw + offset``. Columns of the file that already have canonical names are taken as
-they are, all others are left out, and the recording's notes say which.
+they are, all others are left out, and the recording's notes say which. A header ``[columns]`` above the lines is
+optional.
 """
 
 from __future__ import annotations
@@ -121,6 +122,7 @@ class ColumnMap:
         Raises:
             DataError: if a name is not canonical, or a setting is unknown, of a wrong type or contradicts another.
         """
+        mapping = _below_its_header(mapping, name)
         prescribed, video = _joints(mapping.get("prescribed", []), name), mapping.get("video", False)
         if not isinstance(video, bool):
             raise DataError(f"{name}: `video` wants true or false, found {video!r}.")
@@ -190,6 +192,16 @@ def _earlier(values: pd.Series, runs: Any, rule: ColumnRule, where: str) -> pd.S
         )
     moved = values.groupby(runs, sort=False).shift(-rule.rows_late)
     return moved.groupby(runs, sort=False).ffill()
+
+
+def _below_its_header(mapping: Mapping[str, Any], name: str) -> Mapping[str, Any]:
+    """The lines of a map, some or all of which stand below ``[columns]``."""
+    rest = {key: value for key, value in mapping.items() if key != "columns"}
+    lines = mapping.get("columns", {})
+    if not isinstance(lines, Mapping) or (twice := rest.keys() & lines.keys()):
+        found = f"`{min(twice)}` in and above it" if isinstance(lines, Mapping) else repr(lines)
+        raise DataError(f"{name}: `columns` wants the lines of the map as a table, each once; found {found}.")
+    return {**rest, **lines}
 
 
 def _joints(value: object, name: str) -> list[str]:

@@ -72,4 +72,5 @@ def _least_squares(time: Tensor, values: Tensor, window: int, degree: int, rows:
     offset = (time[index] - time[rows, None]) / (torch.diff(time).median() * (window // 2))
     powers = torch.stack([offset**power for power in range(degree + 1)], dim=-1)
     target = values[index] - values[rows, None]
-    return torch.linalg.lstsq(powers, target[..., None]).solution[..., 0]
+    # by the default, "gelsy", the last digits change from call to call: torch leaves its pivots uninitialised
+    return torch.linalg.lstsq(powers, target[..., None], driver="gels").solution[..., 0]
