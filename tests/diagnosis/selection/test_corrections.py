@@ -87,3 +87,34 @@ def test_a_joint_is_that_of_its_drive_and_its_encoder(bench) -> None:
     assert {module._joint(bench.effect(*target)) for target in targets} == {"joint:hip"}
     assert module._joint(bench.effect("payload_mass", "body:rod")) == "body:rod"
     assert module._joint(bench.effect("backlash")) == "joint:hip"
+
+
+def test_corrections_that_explain_less_change_nothing(bench, selection, monkeypatch) -> None:
+    """A rotor does the same as a gain to first order, and cannot be lighter than nothing."""
+    monkeypatch.setattr("torch_activegp.diagnosis.selection.tuning.only_undoes", lambda *_: True)
+    fits, score = list(selection.fits), selection.score
+    monkeypatch.setattr(module, "compare", lambda shooting, other, sets, near: other.add(worse))
+    for lost, changed in ((100.0, False), (0.0, True)):
+        some = (*selection.best.effects, bench.effect("actuator_bias", "actuator:drive"))
+        values = (*selection.best.values, np.zeros(1))
+        worse = [dataclasses.replace(selection.best, effects=some, values=values, chi2=selection.best.chi2 + lost)]
+        monkeypatch.setattr(module, "_beside", lambda *_, to=(some, values): to)
+        correct_alike(selection, bench.shooting, bench.effects)
+        assert ((selection.fits, selection.score) != (fits, score)) is changed
+
+
+def test_what_rivals_have_is_kept_of_corrections_that_do_the_same(bench, selection, monkeypatch) -> None:
+    """A drive's bias and a constant force on its joint: whichever the best set has."""
+    sets = []
+    monkeypatch.setattr(module, "compare", lambda shooting, other, some, near: sets.extend(some))
+    monkeypatch.setattr(module, "_only_corrects", lambda *_: False)
+    for name, target in (("constant_force", "joint:hip"), ("actuator_bias", "actuator:drive")):
+        push = bench.effect(name, target)
+        some, values = (*selection.best.effects, push), (*selection.best.values, np.zeros(1))
+        better = dataclasses.replace(selection.best, effects=some, values=values, chi2=selection.best.chi2 - 100.0)
+        sets.clear()
+        other = dataclasses.replace(selection, fits=[*selection.fits, better])
+        correct_alike(other, bench.shooting, bench.effects)
+        assert sets
+        for effects, _ in sets:
+            assert [e.name for e in effects if e.name in ("constant_force", "actuator_bias")] == [name]

@@ -88,3 +88,19 @@ def test_a_law_with_more_parameters_is_named_where_only_noise_is_left_behind_it(
     found = also_weak(shooting, chosen, [law])
     assert (found.best is richer) == noise_alone
     assert (found is chosen) != noise_alone
+
+
+@pytest.mark.parametrize("better", [True, False])
+def test_a_better_set_that_the_search_for_what_is_weak_comes_across_is_taken(clean, monkeypatch, better: bool) -> None:
+    """As strong a name as any, which was missed before: no name more, and it need not leave noise alone."""
+    shooting, chosen = recorded(clean, 0.0025)
+    other, best = clean.effect("armature_error"), chosen.best
+    size = 1e-2 if better else -1e-6
+    missed = dataclasses.replace(best, effects=(other,), values=(np.ones(1) * 1e-3,), chi2=best.chi2 * (1.0 - size))
+    monkeypatch.setattr(weak, "search", lambda selection, *rest: selection.add([missed]))
+    monkeypatch.setattr(weak, "_unstuck", lambda *rest: None)
+    monkeypatch.setattr(weak, "omnibus", lambda *rest: weak.Omnibus(1000.0, 1e-9))
+    found = also_weak(shooting, chosen, [other])
+    assert found is chosen
+    assert (found.best is missed) is better
+    assert (missed in found.fits) is better

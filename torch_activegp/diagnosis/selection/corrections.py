@@ -31,7 +31,8 @@ def correct_alike(selection: Selection, shooting: Shooting, effects: Sequence[Ef
 
     Args:
         selection: sets behind a nominal that seems to be tuned; unchanged where it does not, or where the corrections
-            would be more than that.
+            would be more than that, or where the best ones explain less with them: of those that do the same to first
+            order a rotor, which cannot be lighter than nothing, was taken for a gain, and left 9.9 times the noise.
         shooting: the likelihood.
         effects: what is tried.
     """
@@ -42,14 +43,17 @@ def correct_alike(selection: Selection, shooting: Shooting, effects: Sequence[Ef
     joints = {_joint(effect) for fit in rivals for effect in fit.effects}
     tunable = [effect for effect in effects if effect.key in free and _joint(effect) in joints]
     screened = screen(shooting, selection.nominal, tunable)
-    corrections = [atom.effect for atom in screened.independent(screened.best())]
+    taken = [effect for fit in rivals for effect in fit.effects]  # what they have is within its bounds
+    order = sorted(screened.best(), key=lambda atom: atom.effect not in taken)
+    corrections = [atom.effect for atom in screened.independent(order)]
     sets = [_beside(fit, corrections, free) for fit in rivals]
     other = dataclasses.replace(selection, fits=list(selection.fits))
     compare(shooting, other, sets, selection.best)
     alike = {frozenset(some) for some, _ in sets}
     other.fits = [fit for fit in other.fits if frozenset(fit.effects) in alike or not _is_mixed(fit, free)]
     other.score = dataclasses.replace(other.score, corrected=True)
-    if _only_corrects(other, shooting, selection.needs_more_than(MAX_EFFECTS)):
+    lost = other.best.chi2 > selection.best.chi2 + selection.score.a_parameter
+    if not lost and _only_corrects(other, shooting, selection.needs_more_than(MAX_EFFECTS)):
         selection.fits, selection.score = other.fits, other.score
 
 

@@ -10,6 +10,7 @@ import numpy as np
 
 from torch_activegp.diagnosis.selection.compared import NEARLY, Selection, compare
 from torch_activegp.diagnosis.selection.heats import CLOSE, heat, seen_on
+from torch_activegp.diagnosis.selection.more_axes import in_more_axes
 from torch_activegp.diagnosis.selection.proposals import (
     MOST,
     Set,
@@ -50,7 +51,7 @@ def expand(selection: Selection, shooting: Shooting, effects: Sequence[Effect], 
     part, here = seen_on(shooting, fit, selection.score)
     screened = screen(part, here, allowed(effects, fit)).times(shooting.segments.size / part.segments.size)
     most = max(MOST, _CHEAP // shooting.segments.size)
-    proposed = [*_proposals(selection, fit, screened, most), *richer(fit, effects)]
+    proposed = [*_proposals(selection, fit, screened, effects, most), *richer(fit, effects)]
     if selection.score.names_in(fit.effects) < len(fit.effects):
         proposed += undone(fit, screened, selection.score.a_parameter * selection.score.scale)
     known = {frozenset(f.effects) for f in selection.fits}
@@ -99,12 +100,15 @@ def be_fair(selection: Selection, shooting: Shooting) -> None:
         selection.rescale(shooting.dof)
 
 
-def _proposals(selection: Selection, fit: Fit, screened: Screen, most: int) -> list[Set]:
+def _proposals(selection: Selection, fit: Fit, screened: Screen, effects: Sequence[Effect], most: int) -> list[Set]:
     """The most promising sets that contain one more effect, or several where these help together."""
+
+    def left(score: Score, gain: float, some: Sequence[Effect]) -> float:
+        return gain / score.scale - score.price(some)
 
     def worth(score: Score, atoms: tuple[Atom, ...]) -> float:
         gain = screened.joint_gain(atoms) if len(atoms) > 1 else atoms[0].gain
-        return gain / score.scale - score.price([a.effect for a in atoms])
+        return left(score, gain, [a.effect for a in atoms])
 
     best = screened.best()
     singles = [a for a in best[: 4 * most] if worth(selection.score, (a,)) > 0.0]
@@ -113,6 +117,7 @@ def _proposals(selection: Selection, fit: Fit, screened: Screen, most: int) -> l
     lenient = functools.cache(functools.partial(worth, selection.score.before_any_fit(selection.nominal)))
     together = companies(best[:_COMPANY], lenient, MAX_EFFECTS - selection.score.names_in(fit.effects), _MORE)
     together += repeated(fit, screened, lenient, _MORE)
+    chosen += in_more_axes([*chosen, *together], screened, effects, functools.partial(left, selection.score))
     chosen += [with_values(company, screened.together(company)[1]) for company in together]
     if not fit.effects:
         gains = [screened.joint_gain(company) for company in together]

@@ -42,8 +42,8 @@ def also_weak(
         tell: hears what is being done.
 
     Returns:
-        The same selection where nothing weak was found; else one whose best set has more names, perhaps others, or
-        as many with more parameters.
+        The same selection where nothing weak was found, with any better sets of what is not weak; else one whose best
+        set has more names, perhaps others, or as many with more parameters.
     """
     best, score = selection.best, selection.score
     if not best.effects or score.scale > _NEAR_NOISE or score.least < score.a_parameter or selection.cut_short:
@@ -62,7 +62,13 @@ def also_weak(
     weak.cut_short = selection.cut_short  # this one looks for more than is promised
     more = weak.score.names_in(weak.best.effects) - score.names_in(best.effects)
     richer = more > 0 or (more == 0 and weak.best.size > best.size)
-    return weak if richer and _leaves_noise(before, omnibus(shooting, weak.best)) else selection
+    if richer and _leaves_noise(before, omnibus(shooting, weak.best)):
+        return weak
+    others = [fit for fit in weak.fits if fit not in selection.fits and fit.plausible]
+    if any(score(fit) < score(best) for fit in others):  # nothing weak, but what the search before had not come across
+        selection.add(others)
+        selection.rescale(shooting.dof)
+    return selection
 
 
 def _unstuck(shooting: Shooting, selection: Selection) -> None:
