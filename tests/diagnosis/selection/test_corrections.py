@@ -92,6 +92,7 @@ def test_a_joint_is_that_of_its_drive_and_its_encoder(bench) -> None:
 def test_corrections_that_explain_less_change_nothing(bench, selection, monkeypatch) -> None:
     """A rotor does the same as a gain to first order, and cannot be lighter than nothing."""
     monkeypatch.setattr("torch_activegp.diagnosis.selection.tuning.only_undoes", lambda *_: True)
+    selection.fits = [bench.nominal, selection.best]
     fits, score = list(selection.fits), selection.score
     monkeypatch.setattr(module, "compare", lambda shooting, other, sets, near: other.add(worse))
     for lost, changed in ((100.0, False), (0.0, True)):
