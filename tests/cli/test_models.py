@@ -52,6 +52,17 @@ def test_what_is_no_model_says_what_to_do(folder: Path, word: str, message: str)
         find_model(word)
 
 
+def test_a_folder_is_no_model_but_may_hold_some(folder: Path) -> None:
+    out = folder / "out"
+    out.mkdir()
+    with pytest.raises(ConfigurationError, match="Wanted a model, found the folder out. It has none."):
+        find_model("out")
+    for name in ("learned.pt", "corrected.xml", "report.html"):
+        (out / name).touch()
+    with pytest.raises(ConfigurationError, match=re.escape("Give one of out/corrected.xml, out/learned.pt.")):
+        find_model("out")
+
+
 def test_a_word_far_from_all_others_suggests_nothing() -> None:
     assert guess("laas2", ["emps", "laas"]) == ": did you mean 'laas'?"
     assert guess("xyz", ["emps", "laas"]) == "."

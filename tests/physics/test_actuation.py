@@ -100,11 +100,12 @@ def test_what_a_file_cannot_hold_is_refused(bench: Any, old: str, new: str, refu
     assert found == refused
 
 
-def test_an_existing_limit_stays_where_it_is_narrower(bench: Any) -> None:
-    xml = bench.xml.replace('gear="2"', 'gear="2" forcerange="-0.3 5"')
+@pytest.mark.parametrize(("limited", "low"), [("", -0.3), (' forcelimited="false"', -0.5)])
+def test_an_existing_limit_stays_where_it_is_narrower(bench: Any, limited: str, low: float) -> None:
+    xml = bench.xml.replace('gear="2"', f'gear="2" forcerange="-0.3 5"{limited}')
     spec = mujoco.MjSpec.from_string(xml)
     assert ActuatorSaturation.at(bench.drive, bench.model).write(spec, np.array([0.5]))
-    np.testing.assert_array_equal(spec.compile().actuator_forcerange[0], [-0.3, 0.5])
+    np.testing.assert_array_equal(spec.compile().actuator_forcerange[0], [low, 0.5])
 
 
 def test_a_limit_leaves_a_drives_own_constant_force_outside(bench: Any) -> None:

@@ -32,6 +32,10 @@ def find_model(word: str) -> Path | Simulator:
     if is_factory(word):
         return load_simulator(word)
     path = Path(known_model(word) if word in KNOWN_MODELS else word)
+    if path.is_dir():
+        found = ", ".join(str(file) for file in sorted(path.iterdir()) if file.suffix in (".xml", SAVED))
+        has = f"Give one of {found}." if found else "It has none."
+        raise ConfigurationError(f"Wanted a model, found the folder {word}. {has}")
     if not path.is_file():
         raise ConfigurationError(
             f"Unknown model {word!r}{guess(word, KNOWN_MODELS)} Wanted an MJCF file (none is there; working folder: "

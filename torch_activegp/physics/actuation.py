@@ -144,7 +144,8 @@ class ActuatorSaturation(ActuatorEffect):
         bias, filtered = self.nominal
         if filtered == mujoco.mjtDyn.mjDYN_NONE and not any(actuator.biasprm[1:3]):
             limit *= abs(self.nominal_gain)
-            actuator.forcerange = _narrower(actuator.forcerange, limit, bias)
+            own = np.array(actuator.forcerange) * (actuator.forcelimited != mujoco.mjtLimited.mjLIMITED_FALSE)
+            actuator.forcerange = _narrower(own, limit, bias)
             actuator.forcelimited = mujoco.mjtLimited.mjLIMITED_TRUE
             return True
         if (actuator.gainprm[0], actuator.biasprm[0], int(actuator.dyntype)) != (self.nominal_gain, bias, filtered):
