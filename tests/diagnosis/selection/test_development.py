@@ -1,5 +1,7 @@
 from __future__ import annotations
 
+import dataclasses
+
 import numpy as np
 import pytest
 
@@ -79,3 +81,24 @@ def test_sets_are_fitted_to_all_data_from_the_states_found_on_a_part(bench, monk
     assert len(begun) == 3  # what is better, what is simpler, and other forms of parts
     for begin in begun:
         np.testing.assert_array_equal(begin, starts)
+
+
+@pytest.mark.parametrize("stuck", [True, False])
+def test_a_simpler_law_that_ended_far_off_is_fitted_from_the_best_set(bench, monkeypatch, stuck: bool) -> None:
+    """What was found on a part of the data led its fit to all of them astray."""
+    rich, plain = bench.effect("asymmetric_friction"), bench.effect("viscous_friction")
+    good = bench.fit("viscous_friction", bench.viscous)
+    values = np.array([0.99, 1.01]) * good.values[0]
+    both = bench.shooting.fit([((rich,), (values,))], good.starts, rounds=0, hold=True)[0]
+    held = bench.shooting.fit([((plain,), (values[:1],))], good.starts, rounds=0, hold=True)[0]
+    ended = dataclasses.replace(held, chi2=good.chi2 + 300.0) if stuck else good
+    chosen = Selection(bench.nominal, [bench.nominal, both], Score(bench.shooting.samples, 5, 1.0))
+    monkeypatch.setattr(module, "compare", lambda shooting, selection, *_, **__: selection.add([ended]))
+    monkeypatch.setattr(module, "heat", lambda shooting, sets, fit, score: Heat(list(sets), fit.starts[None]))
+    asked = []
+    fit = Shooting.fit
+    monkeypatch.setattr(
+        Shooting, "fit", lambda self, sets, *rest, **more: asked.extend(sets) or fit(self, sets, *rest, **more)
+    )
+    module.simplify(chosen, bench.shooting, bench.effects)
+    assert [tuple(effects) for effects, _ in asked] == ([(plain,)] if stuck else [])

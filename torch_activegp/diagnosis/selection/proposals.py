@@ -174,6 +174,16 @@ def simpler(
     return fresh + [some for some in plain if known.get(frozenset(some[0]), np.inf) > close]
 
 
+def holds_simpler_law(some: Set, best: Fit) -> bool:
+    """Whether a set has a law in place of one of the best set's that contains it."""
+    return any(
+        law.target == effect.target and law.name in effect.covers
+        for effect in best.effects
+        if effect not in some[0]
+        for law in some[0]
+    )
+
+
 def softened(sets: Iterable[Set], effects: Sequence[Effect]) -> list[Set]:
     """Those of some sets that hold a firm law, with a soft form of it in its place."""
     out: list[Set] = []
