@@ -59,8 +59,8 @@ def doubts(runs: list[Recording]) -> list[str]:
 @pytest.mark.parametrize(
     ("scale", "words"),
     [
-        (-1.0, ("the sign seems", "as if -0.9", 'ctrl.push = { column = "ctrl.push", sign = -1 }')),
-        (1e3, ("the unit seems", "scale = 1e-3")),
+        (-1.0, ("the sign seems", "as if -0.9", "ctrl.push = { sign = -1 }, or without that where it is there.")),
+        (1e3, ("the unit seems", "ctrl.push = { scale = 1e-3 }, beside what is there.")),
         (1e-2, ("the unit seems", "scale = 1e2")),
     ],
 )

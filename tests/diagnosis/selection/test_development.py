@@ -89,7 +89,7 @@ def test_a_simpler_law_that_ended_far_off_is_fitted_from_the_best_set(bench, mon
     rich, plain = bench.effect("asymmetric_friction"), bench.effect("viscous_friction")
     good = bench.fit("viscous_friction", bench.viscous)
     values = np.array([0.99, 1.01]) * good.values[0]
-    both = bench.shooting.fit([((rich,), (values,))], good.starts, rounds=0, hold=True)[0]
+    both = bench.shooting.fit([((rich,), (values,))], good.starts, rounds=1)[0]
     held = bench.shooting.fit([((plain,), (values[:1],))], good.starts, rounds=0, hold=True)[0]
     ended = dataclasses.replace(held, chi2=good.chi2 + 300.0) if stuck else good
     chosen = Selection(bench.nominal, [bench.nominal, both], Score(bench.shooting.samples, 5, 1.0))

@@ -171,7 +171,7 @@ def _laid(
     if step > _SLOWEST:
         raise DataError(
             f"{recording.label}, column `time`: seconds wanted, found a row every {step:.4g}; no motion of a machine "
-            "is followed like that. If the clock counts ms, say so in a column map (--columns MAP.toml, "
+            "is followed like that. If the clock counts ms or us, say so in a column map (--columns MAP.toml, "
             '`time = { unit = "ms" }`); else record faster.'
         )
     columns = [f"qpos.{joint}" for joint in channels.joints]

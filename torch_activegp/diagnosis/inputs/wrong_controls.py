@@ -60,15 +60,17 @@ def _doubt(name: str, factor: float) -> str:
     """What seems to be wrong with a control of which so many times its force moves the machine."""
     if -_NEAR < factor < -1.0 / _NEAR:
         mend, what = "sign = -1", "the sign seems to be the other way round"
+        also = "or without that where it is there"
     else:
         power = next((p for p in _UNITS if 1.0 / _NEAR < factor / 10.0**p < _NEAR), None)
         if power is None:
             return ""
-        mend, what = f"scale = 1e{power}", "the unit seems to be another one"
+        mend, what = f"scale = 1e{power}", "the unit seems to be another one, or that of the positions"
+        also = "beside what is there"
     column = f"ctrl.{name}"
     return (
         f"Column `{column}`: {what}. The machine moves as if {factor:.3g} times its force acted, whatever else is "
-        f'missing. If so, say it in a column map (--columns MAP.toml): {column} = {{ column = "{column}", {mend} }}.'
+        f"missing. If so, say it in its line of a column map (--columns MAP.toml): {column} = {{ {mend} }}, {also}."
     )
 
 

@@ -86,8 +86,8 @@ def check_units(model: mujoco.MjModel, channels: Channels, runs: Sequence[Run]) 
     message = (
         f"{_worst(model, channels, runs, first)}, column `qpos.{joint}`: rad or m wanted, but this motion would take "
         f"{before:.0f} times the forces that the model has; in {unit} {less}. "
-        f"{'Name the unit' if sure else 'If so, name it'} in a column map (--columns MAP.toml): "
-        f'qpos.{joint} = {{ column = "qpos.{joint}", unit = "{unit}" }}.'
+        f"{'Name the unit' if sure else 'If so, name it'} in its line of a column map (--columns MAP.toml): "
+        f'qpos.{joint} = {{ unit = "{unit}" }}, beside what is there.'
     )
     if sure:
         raise DataError(message)
