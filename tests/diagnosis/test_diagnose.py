@@ -29,6 +29,7 @@ def test_viscous_friction_is_named_with_its_coefficient(bench, diagnosed) -> Non
     assert estimate.ci95[0] < bench.viscous < estimate.ci95[1]
     assert effect.share == pytest.approx(1.0, abs=0.05)
     assert effect.mjcf
+    assert not any("MJCF cannot hold" in note for note in found.details["notes"])
     assert "viscous_friction at joint:hip" in found.sentence
     assert found.details["mismatch"]["noise"]["qpos.hip"] == pytest.approx(bench.noise, rel=0.15)
 
@@ -125,6 +126,8 @@ def test_a_law_of_the_users_is_named_beside_the_list(bench, record) -> None:
     assert effect.parameters["height"].value == pytest.approx(0.8, rel=0.1)
     assert effect.parameters["place"].value == pytest.approx(0.4, abs=0.01)
     assert "A exp(-((q - p)/w)^2)" in effect.law
+    assert any("MJCF cannot hold bump at joint:hip here" in note for note in found.details["notes"])
+    assert "corrected.pt" in found.files
     assert (
         found.details["fit"]["holdout"]["free_run"]["after"]
         < 0.2 * found.details["fit"]["holdout"]["free_run"]["before"]

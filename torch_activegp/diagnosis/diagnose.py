@@ -28,7 +28,7 @@ from torch_activegp.diagnosis.inputs.runs import Array, input_addresses, median_
 from torch_activegp.diagnosis.inputs.source import Source, read_source
 from torch_activegp.diagnosis.preparation.filtered_rows import thinned
 from torch_activegp.diagnosis.preparation.missing_rows import as_the_machine_moved
-from torch_activegp.diagnosis.result import Diagnosis
+from torch_activegp.diagnosis.result import Diagnosis, NamedEffect
 from torch_activegp.diagnosis.selection.explain import Explanation, explain
 from torch_activegp.diagnosis.selection.judge import Judgement
 from torch_activegp.diagnosis.shooting.fit import Fit
@@ -210,6 +210,7 @@ def _report(
     }
     words = sentence(judgement.verdict, named, details, [*late, *machine.doubts])
     files |= saved_files({"corrected.pt": corrected, "learned.pt": learned}, details["notes"])
+    details["notes"] += _held_note(named) if "corrected.pt" in files else []
     return Diagnosis(judgement.verdict, words, named, details, evidence, files, corrected, learned, verdict.stability)
 
 
@@ -244,6 +245,17 @@ def _remainder(explanation: Explanation, judgement: Judgement, chosen: Fit) -> O
         *(f"ctrl.{inputs.get(i, i)}" for i in range(engine.model.nu)),
     ]
     return model_remainder(explanation.shooting, chosen, names)
+
+
+def _held_note(named: Sequence[NamedEffect]) -> list[str]:
+    """Which named effects no file of MuJoCo's holds, and what does."""
+    beyond = [f"{effect.name} at {effect.target}" for effect in named if effect.mjcf is False]
+    if not beyond:
+        return []
+    return [
+        f"MJCF cannot hold {' and '.join(beyond)} here: the whole corrected model is corrected.pt, for "
+        "`load_corrected` and, without effects of your own, for `torch-activegp evaluate`."
+    ]
 
 
 def _remainder_note(outcome: Outcome | None) -> list[str]:

@@ -70,6 +70,14 @@ def test_a_control_that_is_missing_is_noted(model, record) -> None:
     assert not machine.fit[0].control.any()
 
 
+def test_a_control_among_others_that_is_missing_is_noted_and_doubted(bench, record) -> None:
+    twice = bench.xml.replace("</actuator>", '<motor name="second" joint="hip"/></actuator>')
+    runs = [record(name="a"), record(name="b"), record(name="c", ctrl__second=np.zeros(201))]
+    machine = make_machine(mujoco.MjModel.from_xml_string(twice), runs, [record(ctrl__second=np.zeros(201))])
+    note = "a, b: no ctrl.second; taken as 0. If such a drive moved it, nothing can explain its motion so: record it."
+    assert machine.notes == machine.doubts == (note,)
+
+
 def test_a_joint_with_a_velocity_alone_is_noted(bench, record) -> None:
     twice = bench.xml.replace("</worldbody>", '<body><joint name="knee"/><geom size=".1"/></body></worldbody>')
     given = record(name="a", qvel__knee=np.zeros(201))

@@ -164,9 +164,6 @@ def recording_notes(model: mujoco.MjModel, recordings: Sequence[Recording]) -> l
         own = [note for note in recording.notes if recording.source is None or (recording.source, note) not in told]
         notes += [f"{recording.label}: {note}" for note in own]  # once for all runs of a file
         told |= {(recording.source, note) for note in own}
-        missing = [f"ctrl.{name}" for name in input_addresses(model) if name not in recording.actuators]
-        if missing and recording.actuators:
-            notes.append(f"{recording.label}: no {', '.join(missing)}; taken as 0.")
         unseen = [joint for joint in recording.joints if f"qpos.{joint}" not in recording]
         notes += [
             f"{recording.label}: qvel.{joint} without qpos.{joint}; {joint} counts as not measured. Record it."
@@ -176,16 +173,21 @@ def recording_notes(model: mujoco.MjModel, recordings: Sequence[Recording]) -> l
 
 
 def undriven(model: mujoco.MjModel, recordings: Sequence[Recording]) -> list[str]:
-    """A note on the recordings without any control, if there are some and the model has actuators."""
-    names, inputs = [recording.label for recording in recordings if not recording.actuators], input_addresses(model)
-    if not names or not inputs:
-        return []
-    whose = ", ".join(names) if len(names) < len(recordings) or len(names) == 1 else "all recordings"
-    missing = ", ".join(f"ctrl.{name}" for name in inputs)
-    return [
-        f"{whose}: no control is recorded ({missing}); taken as 0. If the machine was driven, nothing can explain its "
-        "motion so: record them."
-    ]
+    """Notes on the recordings without some of the controls, or without any; one for those that lack the same."""
+    lacking: dict[tuple[str, ...], list[str]] = {}
+    for recording in recordings:
+        missing = tuple(f"ctrl.{name}" for name in input_addresses(model) if name not in recording.actuators)
+        if missing:
+            lacking.setdefault(missing if recording.actuators else (), []).append(recording.label)
+    notes = []
+    for missing, names in lacking.items():
+        whose = ", ".join(names) if len(names) < len(recordings) or len(names) == 1 else "all recordings"
+        every = ", ".join(f"ctrl.{name}" for name in input_addresses(model))
+        what = f"no {', '.join(missing)}" if missing else f"no control is recorded ({every})"
+        driven = "such a drive moved it" if missing else "the machine was driven"
+        record = "it" if len(missing) == 1 else "them"
+        notes.append(f"{whose}: {what}; taken as 0. If {driven}, nothing can explain its motion so: record {record}.")
+    return notes
 
 
 def _unseen(model: mujoco.MjModel, channels: Channels) -> list[str]:
