@@ -443,7 +443,7 @@ def test_a_spoilt_recording_gets_one_message_and_exit_code_2(run: Run, folder: P
         (["broken.xml", "a.csv"], "MuJoCo cannot compile `broken.xml`"),
         (["text.xml", "a.csv"], "MuJoCo cannot compile `text.xml`"),
         (["a.csv", "slide.xml"], "MuJoCo cannot compile `a.csv`, by its name no model"),
-        ([".", "a.csv"], "Wanted a model, found the folder ."),
+        ([".", "a.csv"], "Wanted a model, found the folder '.'"),
         (["machines:number", "a.csv"], "wanted a torch_activegp Simulator from `machines:number`, found a int"),
         (["machines:fails", "a.csv"], "`machines:fails` raised KeyError"),
         (["machines:nobody", "a.csv"], "found no `nobody` in module `machines`"),

@@ -55,11 +55,15 @@ def test_what_is_no_model_says_what_to_do(folder: Path, word: str, message: str)
 def test_a_folder_is_no_model_but_may_hold_some(folder: Path) -> None:
     out = folder / "out"
     out.mkdir()
-    with pytest.raises(ConfigurationError, match="Wanted a model, found the folder out. It has none."):
+    with pytest.raises(ConfigurationError, match="Wanted a model, found the folder 'out'. Give an MJCF file"):
         find_model("out")
     for name in ("learned.pt", "corrected.xml", "report.html"):
         (out / name).touch()
     with pytest.raises(ConfigurationError, match=re.escape("Give one of out/corrected.xml, out/learned.pt.")):
+        find_model("out")
+    for number in range(5):
+        (out / f"arm{number}.xml").touch()
+    with pytest.raises(ConfigurationError, match=re.escape("out/arm4.xml, ....")):
         find_model("out")
 
 

@@ -91,6 +91,8 @@ def test_the_flat_and_the_nested_form_are_one() -> None:
     below = ColumnMap.from_mapping({"video": True, "columns": {"qpos.a": {"unit": "deg"}, "ctrl": {"m": "u"}}})
     assert below.video
     assert below.rules == flat.rules
+    parted = ColumnMap.from_mapping({"qpos": {"a": {"unit": "deg"}}, "columns": {"ctrl": {"m": "u"}}})
+    assert parted.rules == flat.rules
     assert nested.rules == flat.rules == {"qpos.a": ColumnRule("qpos.a", math.pi / 180), "ctrl.m": ColumnRule("u")}
 
 
@@ -117,8 +119,8 @@ def test_numbers_name_runs(run: list, names: list[str]) -> None:
         ({"position.a": "x"}, "map.toml: `position.a` is not a canonical column"),
         ({"enc1": "qpos.a"}, "The canonical name stands on the left"),
         ({"qpos": "x"}, "`qpos` is not a canonical column"),
-        ({"columns": "x"}, "`columns` wants the lines of the map as a table, each once; found 'x'"),
-        ({"time": "t", "columns": {"time": "s"}}, "found `time` in and above it"),
+        ({"columns": "x"}, "`columns` wants the lines of the map as a table, found 'x'"),
+        ({"qpos.a": "x", "columns": {"qpos": {"a": "y"}}}, r"`qpos.a` stands above `\[columns\]` and below it"),
         ({"qpos": {"a": 3}}, "`qpos.a` wants the file's column name or a table of settings, found 3"),
         ({"qpos": {"a": {"colum": "x"}}}, "unknown setting `colum`: use column, unit"),
         ({"qpos": {"a": {"scale": "2"}}}, "`scale` of `qpos.a` is '2': int wanted"),

@@ -12,6 +12,8 @@ from torch_activegp.simulators import Simulator, load_simulator
 from torch_activegp.simulators.load import is_factory
 from torch_activegp.simulators.mujoco_model import load_model
 
+_SHOWN = 5
+_WANTED = f"an MJCF file, package.module:factory, or one of {', '.join(KNOWN_MODELS)}"
 SAVED = ".pt"
 """How the names of simulators end that a diagnosis saved."""
 
@@ -33,9 +35,10 @@ def find_model(word: str) -> Path | Simulator:
         return load_simulator(word)
     path = Path(known_model(word) if word in KNOWN_MODELS else word)
     if path.is_dir():
-        found = ", ".join(str(file) for file in sorted(path.iterdir()) if file.suffix in (".xml", SAVED))
-        has = f"Give one of {found}." if found else "It has none."
-        raise ConfigurationError(f"Wanted a model, found the folder {word}. {has}")
+        files = [file for file in sorted(path.iterdir()) if file.suffix in (".xml", SAVED) and file.is_file()]
+        some = [*map(str, files[:_SHOWN]), *(["..."] if len(files) > _SHOWN else [])]
+        has = f"Give one of {', '.join(some)}." if files else f"Give {_WANTED}."
+        raise ConfigurationError(f"Wanted a model, found the folder {word!r}. {has}")
     if not path.is_file():
         raise ConfigurationError(
             f"Unknown model {word!r}{guess(word, KNOWN_MODELS)} Wanted an MJCF file (none is there; working folder: "

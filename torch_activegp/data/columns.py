@@ -122,16 +122,10 @@ class ColumnMap:
         Raises:
             DataError: if a name is not canonical, or a setting is unknown, of a wrong type or contradicts another.
         """
-        mapping = _below_its_header(mapping, name)
-        prescribed, video = _joints(mapping.get("prescribed", []), name), mapping.get("video", False)
+        flat = dict(_below_its_header(mapping, name))
+        prescribed, video = _joints(flat.pop("prescribed", []), name), flat.pop("video", False)
         if not isinstance(video, bool):
             raise DataError(f"{name}: `video` wants true or false, found {video!r}.")
-        flat: dict[str, Any] = {}
-        for key, value in mapping.items():
-            if key in KINDS and isinstance(value, Mapping):
-                flat |= {f"{key}.{joint}": entry for joint, entry in value.items()}
-            elif key not in ("prescribed", "video"):
-                flat[key] = value
         for key in flat:
             if not is_canonical(key):
                 raise DataError(
@@ -195,13 +189,23 @@ def _earlier(values: pd.Series, runs: Any, rule: ColumnRule, where: str) -> pd.S
 
 
 def _below_its_header(mapping: Mapping[str, Any], name: str) -> Mapping[str, Any]:
-    """The lines of a map, some or all of which stand below ``[columns]``."""
-    rest = {key: value for key, value in mapping.items() if key != "columns"}
+    """The lines of a map, by their whole names, some or all of which stand below ``[columns]``."""
     lines = mapping.get("columns", {})
-    if not isinstance(lines, Mapping) or (twice := rest.keys() & lines.keys()):
-        found = f"`{min(twice)}` in and above it" if isinstance(lines, Mapping) else repr(lines)
-        raise DataError(f"{name}: `columns` wants the lines of the map as a table, each once; found {found}.")
-    return {**rest, **lines}
+    if not isinstance(lines, Mapping):
+        raise DataError(f"{name}: `columns` wants the lines of the map as a table, found {lines!r}.")
+    above, below = _flat({key: value for key, value in mapping.items() if key != "columns"}), _flat(lines)
+    if twice := sorted(above.keys() & below.keys()):
+        raise DataError(f"{name}: `{twice[0]}` stands above `[columns]` and below it. Keep one of the two.")
+    return above | below
+
+
+def _flat(mapping: Mapping[str, Any]) -> dict[str, Any]:
+    """Lines by ``qpos.elbow`` and the like, however they are nested."""
+    flat: dict[str, Any] = {}
+    for key, value in mapping.items():
+        inside = key in KINDS and isinstance(value, Mapping)
+        flat |= {f"{key}.{joint}": entry for joint, entry in value.items()} if inside else {key: value}
+    return flat
 
 
 def _joints(value: object, name: str) -> list[str]:

@@ -208,7 +208,7 @@ def _report(
         "laws": laws(machine.channels, left, chosen, judgement.named) if named else [],
         "traces": traces,
     }
-    words = sentence(judgement.verdict, named, details, [*late, *machine.doubts])
+    words = sentence(judgement.verdict, named, details, [*late, *machine.doubts, *machine.lacks])
     files |= saved_files({"corrected.pt": corrected, "learned.pt": learned}, details["notes"])
     details["notes"] += _held_note(named) if "corrected.pt" in files else []
     return Diagnosis(judgement.verdict, words, named, details, evidence, files, corrected, learned, verdict.stability)

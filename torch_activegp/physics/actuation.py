@@ -144,20 +144,20 @@ class ActuatorSaturation(ActuatorEffect):
         bias, filtered = self.nominal
         if filtered == mujoco.mjtDyn.mjDYN_NONE and not any(actuator.biasprm[1:3]):
             limit *= abs(self.nominal_gain)
-            own = np.array(actuator.forcerange) * (actuator.forcelimited != mujoco.mjtLimited.mjLIMITED_FALSE)
-            actuator.forcerange = _narrower(own, limit, bias)
+            actuator.forcerange = _narrower(actuator.forcerange, actuator.forcelimited, limit, bias)
             actuator.forcelimited = mujoco.mjtLimited.mjLIMITED_TRUE
             return True
         if (actuator.gainprm[0], actuator.biasprm[0], int(actuator.dyntype)) != (self.nominal_gain, bias, filtered):
             return False
-        actuator.ctrlrange = _narrower(actuator.ctrlrange, limit)
+        actuator.ctrlrange = _narrower(actuator.ctrlrange, actuator.ctrllimited, limit)
         actuator.ctrllimited = mujoco.mjtLimited.mjLIMITED_TRUE
         return True
 
 
-def _narrower(limits: Array, limit: float, center: float = 0.0) -> Array:
-    """A range cut to a center +-limit; a range that is not set counts as open."""
-    low, high = limits if limits[0] < limits[1] else (-np.inf, np.inf)
+def _narrower(limits: Array, limited: int, limit: float, center: float = 0.0) -> Array:
+    """A range cut to a center +-limit; a range that is not set, or does not limit, counts as open."""
+    limits_it = limits[0] < limits[1] and limited != mujoco.mjtLimited.mjLIMITED_FALSE
+    low, high = limits if limits_it else (-np.inf, np.inf)
     return np.array([max(center - limit, low), min(center + limit, high)])
 
 

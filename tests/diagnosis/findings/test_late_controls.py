@@ -38,7 +38,7 @@ def test_controls_that_are_a_row_late_are_said_to_be(clean, rows: int, driven: b
     found = doubt_rows(explained(clean, rows, driven))
     assert bool(found) == said
     if said:
-        assert "ctrl.drive = { rows_late = 1 }, beside what is there." in found[0]
+        assert "ctrl.drive = { rows_late = 1 }, with what is there." in found[0]
         assert "a row late" in found[0]
 
 

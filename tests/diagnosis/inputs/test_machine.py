@@ -75,7 +75,8 @@ def test_a_control_among_others_that_is_missing_is_noted_and_doubted(bench, reco
     runs = [record(name="a"), record(name="b"), record(name="c", ctrl__second=np.zeros(201))]
     machine = make_machine(mujoco.MjModel.from_xml_string(twice), runs, [record(ctrl__second=np.zeros(201))])
     note = "a, b: no ctrl.second; taken as 0. If such a drive moved it, nothing can explain its motion so: record it."
-    assert machine.notes == machine.doubts == (note,)
+    assert machine.notes == machine.lacks == (note,)
+    assert machine.doubts == ()  # nothing is taken back for a drive that may have rested
 
 
 def test_a_joint_with_a_velocity_alone_is_noted(bench, record) -> None:

@@ -60,7 +60,13 @@ def doubts(runs: list[Recording]) -> list[str]:
     ("scale", "words"),
     [
         (-1.0, ("the sign seems", "as if -0.9", "ctrl.push = { sign = -1 }, or without that where it is there.")),
-        (1e3, ("the unit seems", "ctrl.push = { scale = 1e-3 }, beside what is there.")),
+        (
+            1e3,
+            (
+                "the unit seems",
+                "ctrl.push = { scale = 1e-3 }, times any scale there; or the positions' unit is the wrong one.",
+            ),
+        ),
         (1e-2, ("the unit seems", "scale = 1e2")),
     ],
 )

@@ -89,19 +89,23 @@ def test_a_joint_is_that_of_its_drive_and_its_encoder(bench) -> None:
     assert module._joint(bench.effect("backlash")) == "joint:hip"
 
 
-def test_corrections_that_explain_less_change_nothing(bench, selection, monkeypatch) -> None:
+@pytest.mark.parametrize(("lost", "changed"), [(100.0, False), (12.0, True), (0.0, True)])
+def test_corrections_that_explain_less_change_nothing(
+    bench, selection, monkeypatch, lost: float, changed: bool
+) -> None:
     """A rotor does the same as a gain to first order, and cannot be lighter than nothing."""
     monkeypatch.setattr("torch_activegp.diagnosis.selection.tuning.only_undoes", lambda *_: True)
     selection.fits = [bench.nominal, selection.best]
-    fits, score = list(selection.fits), selection.score
-    monkeypatch.setattr(module, "compare", lambda shooting, other, sets, near: other.add(worse))
-    for lost, changed in ((100.0, False), (0.0, True)):
-        some = (*selection.best.effects, bench.effect("actuator_bias", "actuator:drive"))
-        values = (*selection.best.values, np.zeros(1))
-        worse = [dataclasses.replace(selection.best, effects=some, values=values, chi2=selection.best.chi2 + lost)]
-        monkeypatch.setattr(module, "_beside", lambda *_, to=(some, values): to)
-        correct_alike(selection, bench.shooting, bench.effects)
-        assert ((selection.fits, selection.score) != (fits, score)) is changed
+    selection.score = dataclasses.replace(selection.score, scale=3.0)
+    assert selection.score.a_parameter < 12.0 < 3.0 * selection.score.a_parameter < 100.0
+    fits, score, best = list(selection.fits), selection.score, selection.best
+    some = (*best.effects, bench.effect("actuator_bias", "actuator:drive"))
+    values = (*best.values, np.zeros(1))
+    worse = dataclasses.replace(best, effects=some, values=values, chi2=best.chi2 + lost)
+    monkeypatch.setattr(module, "compare", lambda shooting, other, sets, near: other.add([worse]))
+    monkeypatch.setattr(module, "_beside", lambda *_: (some, values))
+    correct_alike(selection, bench.shooting, bench.effects)
+    assert ((selection.fits, selection.score) != (fits, score)) is changed
 
 
 def test_what_rivals_have_is_kept_of_corrections_that_do_the_same(bench, selection, monkeypatch) -> None:

@@ -26,14 +26,18 @@ def screened(names: str, normal: np.ndarray, gradient: np.ndarray) -> Screen:
     return Screen(tuple(atoms), normal, gradient)
 
 
-@pytest.mark.parametrize(("price", "taken"), [(5.0, True), (200.0, False)])
-def test_a_vector_is_tried_along_one_more_axis_where_that_is_worth_its_price(price: float, taken: bool) -> None:
+@pytest.mark.parametrize(("price", "least", "taken"), [(5.0, 20.0, True), (200.0, 20.0, False), (5.0, 60.0, False)])
+def test_a_vector_is_tried_along_one_more_axis_where_that_is_worth_its_price(price, least, taken: bool) -> None:
     test = screened("zx", np.diag([1.0, 4.0]), np.array([20.0, 16.0]))  # gains of 400 and 64
     forms = [GravityError.along(0, 1), GravityError.along(0, 2), GravityError.along(1, 2)]
     found = in_more_axes(
-        [test.atoms[:1]], test, forms, lambda gain, some: gain - price * sum(len(e.parameters) for e in some)
+        [[atom] for atom in test.atoms[: 2 if taken else 1]],
+        test,
+        forms,
+        lambda gain, some: gain - price * sum(len(e.parameters) for e in some),
+        least,
     )
-    assert len(found) == taken
+    assert len(found) == taken  # x and z make the same one
     for (atom,) in found:
         assert atom.effect is forms[1]
         size = test.atoms[0].seed[0]
@@ -44,7 +48,7 @@ def test_what_is_no_vector_stays_as_it_is(bench) -> None:
     effect = bench.effect("viscous_friction")
     atom = Atom(effect, np.ones(1), 1.0, slice(0, 1), effect.seeds[0])
     test = Screen((atom,), np.eye(1), np.ones(1))
-    assert in_more_axes([[atom]], test, [dataclasses.replace(effect, variant="xy")], lambda gain, _: gain) == []
+    assert in_more_axes([[atom]], test, [dataclasses.replace(effect, variant="xy")], lambda gain, _: gain, 0.0) == []
 
 
 def test_a_centre_of_mass_that_moved_along_two_axes_is_found_beside_another_effect(clean) -> None:

@@ -97,10 +97,16 @@ def test_a_better_set_that_the_search_for_what_is_weak_comes_across_is_taken(cle
     other, best = clean.effect("armature_error"), chosen.best
     size = 1e-2 if better else -1e-6
     missed = dataclasses.replace(best, effects=(other,), values=(np.ones(1) * 1e-3,), chi2=best.chi2 * (1.0 - size))
-    monkeypatch.setattr(weak, "search", lambda selection, *rest: selection.add([missed]))
+    play = clean.effect("backlash")  # without a gap
+    impossible = dataclasses.replace(missed, effects=(play,), values=(np.zeros(1),), chi2=0.1 * best.chi2)
+    rich = dataclasses.replace(best, effects=(*best.effects, other), values=(*best.values, np.ones(1) * 1e-3))
+    monkeypatch.setattr(weak, "search", lambda selection, *rest: selection.add([missed, impossible, rich]))
     monkeypatch.setattr(weak, "_unstuck", lambda *rest: None)
     monkeypatch.setattr(weak, "omnibus", lambda *rest: weak.Omnibus(1000.0, 1e-9))
+    fits, scale = list(chosen.fits), chosen.score.scale
     found = also_weak(shooting, chosen, [other])
-    assert found is chosen
+    assert (found is not chosen) is better
     assert (found.best is missed) is better
-    assert (missed in found.fits) is better
+    assert found.fits == [*fits, *([missed] if better else [])]  # what was not wanted tells nothing of the noise
+    assert (found.score.scale < scale) is better
+    assert (chosen.fits, chosen.score.scale) == (fits, scale)

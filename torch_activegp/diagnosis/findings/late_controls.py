@@ -50,7 +50,7 @@ def doubt_rows(explanation: Explanation) -> list[str]:
         f"The controls seem to be logged a row late. A row earlier they leave {after:.3g} times the noise for "
         f"{before:.3g} (chi2 per dof). If a row of your log holds the command that led to its position, add "
         f"`rows_late = 1` to their lines ({told}) in a column map (--columns MAP.toml), as in {columns[0]} = "
-        "{ rows_late = 1 }, beside what is there."
+        "{ rows_late = 1 }, with what is there."
     ]
 
 

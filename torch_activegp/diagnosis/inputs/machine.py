@@ -35,7 +35,8 @@ class Machine:
         fit: runs for fitting and selection.
         holdout: runs that are only forecast.
         notes: what was decided about the recordings.
-        doubts: those of them by which a column is missing, or may be in another unit or have another sign.
+        doubts: those of them by which all controls are missing, or a column may be in another unit or of another sign.
+        lacks: those by which some controls are missing, of drives that may have rested.
         box: the simulator that the model stands for, where that is not MuJoCo.
     """
 
@@ -46,6 +47,7 @@ class Machine:
     notes: tuple[str, ...]
     box: BlackBox | None = None
     doubts: tuple[str, ...] = ()
+    lacks: tuple[str, ...] = ()
 
 
 def check_given(recordings: Recording | Sequence[Recording], asked: str) -> list[Recording]:
@@ -92,6 +94,7 @@ def make_machine(
     doubts = [] if box is not None else _doubts(model, channels, fit, kept)
     notes += doubts if box is None else box.notes()
     doubts += undriven(model, recordings)
+    lacks = partly_driven(model, recordings) if box is None else []
     if not kept:
         fit, kept, note = _set_aside(fit)
         notes.append(note)
@@ -101,7 +104,9 @@ def make_machine(
             f"Only {seconds:.3g} s are fitted: what is missing shows there only if it is gross. Record several seconds "
             "in which every joint moves to and fro."
         )
-    return Machine(model, channels, tuple(fit), tuple(kept), tuple(dict.fromkeys(notes)), box, tuple(doubts))
+    return Machine(
+        model, channels, tuple(fit), tuple(kept), tuple(dict.fromkeys(notes)), box, tuple(doubts), tuple(lacks)
+    )
 
 
 def lay_over(
@@ -169,25 +174,37 @@ def recording_notes(model: mujoco.MjModel, recordings: Sequence[Recording]) -> l
             f"{recording.label}: qvel.{joint} without qpos.{joint}; {joint} counts as not measured. Record it."
             for joint in unseen
         ]
-    return [*notes, *undriven(model, recordings)]
+    return [*notes, *partly_driven(model, recordings), *undriven(model, recordings)]
 
 
 def undriven(model: mujoco.MjModel, recordings: Sequence[Recording]) -> list[str]:
-    """Notes on the recordings without some of the controls, or without any; one for those that lack the same."""
+    """A note on the recordings without any control, if there are some and the model has actuators."""
+    names, inputs = [recording.label for recording in recordings if not recording.actuators], input_addresses(model)
+    if not names or not inputs:
+        return []
+    missing = ", ".join(f"ctrl.{name}" for name in inputs)
+    return [
+        f"{_whose(names, recordings)}: no control is recorded ({missing}); taken as 0. If the machine was driven, "
+        "nothing can explain its motion so: record them."
+    ]
+
+
+def partly_driven(model: mujoco.MjModel, recordings: Sequence[Recording]) -> list[str]:
+    """Notes on the recordings without some of the model's controls, one for those that lack the same."""
     lacking: dict[tuple[str, ...], list[str]] = {}
     for recording in recordings:
         missing = tuple(f"ctrl.{name}" for name in input_addresses(model) if name not in recording.actuators)
-        if missing:
-            lacking.setdefault(missing if recording.actuators else (), []).append(recording.label)
-    notes = []
-    for missing, names in lacking.items():
-        whose = ", ".join(names) if len(names) < len(recordings) or len(names) == 1 else "all recordings"
-        every = ", ".join(f"ctrl.{name}" for name in input_addresses(model))
-        what = f"no {', '.join(missing)}" if missing else f"no control is recorded ({every})"
-        driven = "such a drive moved it" if missing else "the machine was driven"
-        record = "it" if len(missing) == 1 else "them"
-        notes.append(f"{whose}: {what}; taken as 0. If {driven}, nothing can explain its motion so: record {record}.")
-    return notes
+        if missing and recording.actuators:
+            lacking.setdefault(missing, []).append(recording.label)
+    return [
+        f"{_whose(names, recordings)}: no {', '.join(missing)}; taken as 0. If such a drive moved it, nothing can "
+        f"explain its motion so: record {'it' if len(missing) == 1 else 'them'}."
+        for missing, names in lacking.items()
+    ]
+
+
+def _whose(names: Sequence[str], recordings: Sequence[Recording]) -> str:
+    return ", ".join(names) if len(names) < len(recordings) or len(names) == 1 else "all recordings"
 
 
 def _unseen(model: mujoco.MjModel, channels: Channels) -> list[str]:

@@ -65,8 +65,8 @@ def _doubt(name: str, factor: float) -> str:
         power = next((p for p in _UNITS if 1.0 / _NEAR < factor / 10.0**p < _NEAR), None)
         if power is None:
             return ""
-        mend, what = f"scale = 1e{power}", "the unit seems to be another one, or that of the positions"
-        also = "beside what is there"
+        mend, what = f"scale = 1e{power}", "the unit seems to be another one"
+        also = "times any scale there; or the positions' unit is the wrong one"
     column = f"ctrl.{name}"
     return (
         f"Column `{column}`: {what}. The machine moves as if {factor:.3g} times its force acted, whatever else is "

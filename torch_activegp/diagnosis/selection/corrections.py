@@ -31,8 +31,8 @@ def correct_alike(selection: Selection, shooting: Shooting, effects: Sequence[Ef
 
     Args:
         selection: sets behind a nominal that seems to be tuned; unchanged where it does not, or where the corrections
-            would be more than that, or where the best ones explain less with them: of those that do the same to first
-            order a rotor, which cannot be lighter than nothing, was taken for a gain, and left 9.9 times the noise.
+            would be more than that, or where the best names explain less beside them than beside their own: a rotor is
+            like a gain to first order, but none is lighter than nothing, and it left 9.9 times the noise.
         shooting: the likelihood.
         effects: what is tried.
     """
@@ -40,6 +40,8 @@ def correct_alike(selection: Selection, shooting: Shooting, effects: Sequence[Ef
     if not free or selection.cut_short:
         return
     rivals = _rivals(selection)
+    if not rivals:
+        return
     joints = {_joint(effect) for fit in rivals for effect in fit.effects}
     tunable = [effect for effect in effects if effect.key in free and _joint(effect) in joints]
     screened = screen(shooting, selection.nominal, tunable)
@@ -52,7 +54,8 @@ def correct_alike(selection: Selection, shooting: Shooting, effects: Sequence[Ef
     alike = {frozenset(some) for some, _ in sets}
     other.fits = [fit for fit in other.fits if frozenset(fit.effects) in alike or not _is_mixed(fit, free)]
     other.score = dataclasses.replace(other.score, corrected=True)
-    lost = other.best.chi2 > selection.best.chi2 + selection.score.a_parameter
+    first, noise = other.of(sets[0][0]), selection.score.scale * selection.score.a_parameter
+    lost = first is None or first.chi2 > rivals[0].chi2 + noise
     if not lost and _only_corrects(other, shooting, selection.needs_more_than(MAX_EFFECTS)):
         selection.fits, selection.score = other.fits, other.score
 

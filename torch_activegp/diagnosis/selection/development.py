@@ -39,6 +39,8 @@ _CHEAP = 60
 """So many fits of one segment cost little: where there are few segments, more is fitted than looks best."""
 _COMPANY = 40
 _ROUNDS, _GLANCE = 20, 5
+_FEW = 0.1
+"""Part of the segments, and rounds for the states alone, in which a fit shows that it is led astray."""
 _MORE = 20.0
 _SOME = 1.0
 """`NEARLY` for the nominal: on a machine that strikes, at 50 Hz, a friction seemed to gain 0.5."""
@@ -84,8 +86,9 @@ def _from_the_best(selection: Selection, shooting: Shooting, best: Fit, sets: Se
     Those found on a part of the data may lead nowhere: on a machine that strikes, a viscous friction ended in one
     segment at 200 in chi2, and an asymmetric one was named that was the same both ways within 4 %.
     """
-    ended = [(some, known.chi2) for some in sets if (known := selection.of(some[0])) is not None]
-    behind = [(some, chi2) for some, chi2 in ended if chi2 > best.chi2 + CLOSE * selection.score.scale]
+    ended = [(some, known) for some in sets if (known := selection.of(some[0])) is not None]
+    far = best.chi2 + CLOSE * selection.score.scale
+    behind = [(some, known.chi2) for some, known in ended if known.chi2 > far and _differ_in_few(known, best)]
     if not behind:
         return
     held = shooting.fit([some for some, _ in behind], best.starts, _GLANCE, hold=True, near=best)
@@ -93,6 +96,12 @@ def _from_the_best(selection: Selection, shooting: Shooting, best: Fit, sets: Se
     if better:
         starts = np.stack([fit.starts for fit in better])
         compare(shooting, selection, [(fit.effects, fit.values) for fit in better], best, rounds=_ROUNDS, starts=starts)
+
+
+def _differ_in_few(fit: Fit, best: Fit) -> bool:
+    """Whether half of what a fit leaves beyond another is in a tenth of the segments."""
+    more = np.sort(fit.per_segment - best.per_segment)[::-1]
+    return bool(more[: int(np.ceil(_FEW * len(more)))].sum() > 0.5 * more.sum())
 
 
 def be_fair(selection: Selection, shooting: Shooting) -> None:
@@ -136,7 +145,7 @@ def _proposals(selection: Selection, fit: Fit, screened: Screen, effects: Sequen
     lenient = functools.cache(functools.partial(worth, selection.score.before_any_fit(selection.nominal)))
     together = companies(best[:_COMPANY], lenient, MAX_EFFECTS - selection.score.names_in(fit.effects), _MORE)
     together += repeated(fit, screened, lenient, _MORE)
-    chosen += in_more_axes([*chosen, *together], screened, effects, functools.partial(left, selection.score))
+    chosen += in_more_axes([*chosen, *together], screened, effects, functools.partial(left, selection.score), _MORE)
     chosen += [with_values(company, screened.together(company)[1]) for company in together]
     if not fit.effects:
         gains = [screened.joint_gain(company) for company in together]

@@ -14,7 +14,7 @@ Worth = Callable[[float, Sequence[Effect]], float]
 
 
 def in_more_axes(
-    sets: Iterable[Sequence[Atom]], screened: Screen, effects: Sequence[Effect], worth: Worth
+    sets: Iterable[Sequence[Atom]], screened: Screen, effects: Sequence[Effect], worth: Worth, least: float
 ) -> list[Sequence[Atom]]:
     """Some sets with a vector in them along one more axis, where that is worth more to first order.
 
@@ -27,10 +27,11 @@ def in_more_axes(
         screened: the score test that they come from.
         effects: what is tried.
         worth: of a gain by some effects, less their price.
+        least: what one more axis must add to the worth.
     """
-    found: list[Sequence[Atom]] = []
+    found: dict[frozenset[Effect], Sequence[Atom]] = {}  # two single axes may make the same
     for company in sets:
-        best, larger = worth(screened.joint_gain(company), [atom.effect for atom in company]), None
+        best, larger = worth(screened.joint_gain(company), [atom.effect for atom in company]) + least, None
         for number, form, other in _forms(company, screened, effects):
             gain, values = screened.together([*company, other])
             along = {company[number].effect.variant: values[number], other.effect.variant: values[-1]}
@@ -38,13 +39,14 @@ def in_more_axes(
             atoms[number] = dataclasses.replace(atoms[number], effect=form, values=_in_order(form, along))
             if (now := worth(gain, [atom.effect for atom in atoms])) > best:
                 best, larger = now, atoms
-        found += [larger] if larger else []
-    return found
+        if larger is not None:
+            found.setdefault(frozenset(atom.effect for atom in larger), larger)
+    return [*found.values()]
 
 
 def _forms(company: Sequence[Atom], screened: Screen, effects: Sequence[Effect]) -> Iterator[tuple[int, Effect, Atom]]:
     """Which of some atoms may take which form, and the atom along the axis that this has beyond it."""
-    single = {(atom.effect.key, atom.effect.variant): atom for atom in screened.atoms if atom.effect.vector}
+    single = {(atom.effect.key, atom.effect.variant): atom for atom in screened.best() if atom.effect.vector}
     for number, effect in ((i, atom.effect) for i, atom in enumerate(company) if atom.effect.vector):
         for form in (form for form in effects if form.key == effect.key and set(effect.variant) < set(form.variant)):
             more = "".join(axis for axis in form.variant if axis not in effect.variant)

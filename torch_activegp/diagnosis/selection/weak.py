@@ -9,6 +9,7 @@ from torch_activegp.diagnosis.selection.compared import Selection
 from torch_activegp.diagnosis.selection.judge import DOUBT, SURE, Omnibus, omnibus
 from torch_activegp.diagnosis.selection.search import Depth, search
 from torch_activegp.diagnosis.shooting.chaining import chained
+from torch_activegp.diagnosis.shooting.fit import Fit
 from torch_activegp.diagnosis.shooting.likelihood import Shooting
 from torch_activegp.physics.effect import Effect
 
@@ -42,8 +43,8 @@ def also_weak(
         tell: hears what is being done.
 
     Returns:
-        The same selection where nothing weak was found, with any better sets of what is not weak; else one whose best
-        set has more names, perhaps others, or as many with more parameters.
+        The same selection where nothing was found; else one whose best set has more names, perhaps others, or as many
+        with more parameters; or one that scores better by what is worth a name anyway.
     """
     best, score = selection.best, selection.score
     if not best.effects or score.scale > _NEAR_NOISE or score.least < score.a_parameter or selection.cut_short:
@@ -64,11 +65,7 @@ def also_weak(
     richer = more > 0 or (more == 0 and weak.best.size > best.size)
     if richer and _leaves_noise(before, omnibus(shooting, weak.best)):
         return weak
-    others = [fit for fit in weak.fits if fit not in selection.fits and fit.plausible]
-    if any(score(fit) < score(best) for fit in others):  # nothing weak, but what the search before had not come across
-        selection.add(others)
-        selection.rescale(shooting.dof)
-    return selection
+    return _with_better(selection, weak.fits, shooting.dof)
 
 
 def _unstuck(shooting: Shooting, selection: Selection) -> None:
@@ -77,6 +74,15 @@ def _unstuck(shooting: Shooting, selection: Selection) -> None:
     again = chained(shooting, shooting.fit([(best.effects, best.values)], best.starts, near=best)[0])
     if again.chi2 < best.chi2:
         selection.add([again])
+
+
+def _with_better(selection: Selection, fits: Sequence[Fit], dof: int) -> Selection:
+    """With those of some fits that score better than its best one: nothing weak, but missed by the search before."""
+    least = selection.score(selection.best)
+    better = [fit for fit in fits if fit.plausible and selection.score(fit) < least]
+    more = dataclasses.replace(selection, fits=[*selection.fits, *better])
+    more.rescale(dof)
+    return more if more.best in better else selection
 
 
 def _leaves_noise(before: Omnibus, after: Omnibus) -> bool:
