@@ -21,6 +21,11 @@ def test_a_friction_of_two_levels_may_be_one_level_and_a_push(bench) -> None:
         rivals = [(one, 0.0, 1.0), (dataclasses.replace(two, chi2=chi2), 20.0, 0.0)]
         assert set(as_two(rivals, one, rich)) == names
         assert as_two(rivals, one, wet) == ()
+    bias = bench.effect("actuator_bias", "actuator:drive")
+    same = [(one, 0.0, 1.0), (dataclasses.replace(two, chi2=one.chi2), 20.0, 0.0)]
+    tunable = [bias, wet, dataclasses.replace(push, target="joint:knee")]
+    assert set(as_two(same, one, rich, tunable)) == {*both, bias.key}  # a bias pushes as a force does
+    assert as_two(same[:1], one, rich, tunable) == ()
 
 
 def test_one_level_and_a_tuned_push_may_be_a_friction_of_two_levels(bench) -> None:

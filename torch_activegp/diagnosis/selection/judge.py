@@ -165,7 +165,7 @@ def judge(shooting: Shooting, selection: Selection) -> Judgement:
     order, shares = tuple(order[i] for i in kept), tuple(shares[i] for i in kept)
     probabilities = tuple(_probability(rivals, effect) for effect in order)
     one_way = is_one_way(shooting)
-    ties = tuple(ties_of(rivals, best, effect, retuned, tuned, one_way) for effect in order)
+    ties = tuple(ties_of(rivals, best, effect, retuned, tuned, one_way, selection.tunable) for effect in order)
     sets = math.comb(max(score.names, len(best.effects)), len(best.effects))
     p_value = 2.0 * min(before.p_value, float(stats.chi2.sf(gain / score.scale, best.size)) * sets)
     crowded = count >= MAX_EFFECTS and unexplained > (CROWDED if count == MAX_EFFECTS else OVERCROWDED)

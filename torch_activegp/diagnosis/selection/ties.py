@@ -31,6 +31,7 @@ def ties_of(
     retuned: Sequence[Effect],
     tuned: Sequence[Effect],
     one_way: bool = False,
+    tunable: Sequence[Effect] = (),
 ) -> tuple[tuple[str, str], ...]:
     """All (name, target) pairs that stand for a named effect as well.
 
@@ -41,10 +42,11 @@ def ties_of(
         retuned: effects of it that are not named.
         tuned: those of them that only undo a tuning.
         one_way: whether one control goes in, and one position comes out.
+        tunable: all that a modeller may have tuned, compared or not.
     """
     alone, one = swapped(rivals, best, effect), as_one(rivals, best, effect, retuned, tuned)
     late = as_late(rivals, best, effect) if one_way else ()
-    return tuple(dict.fromkeys([*alone, *late, *as_two(rivals, best, effect), *one]))
+    return tuple(dict.fromkeys([*alone, *late, *as_two(rivals, best, effect, tunable), *one]))
 
 
 def swapped(rivals: Rivals, best: Fit, effect: Effect) -> tuple[tuple[str, str], ...]:
@@ -87,15 +89,18 @@ def is_as_late(best: Fit, fit: Fit) -> bool:
     return any(as_late([(best, 0.0, 0.5), (fit, 0.0, 0.5)], best, effect) for effect in best.effects)
 
 
-def as_two(rivals: Rivals, best: Fit, effect: Effect) -> tuple[tuple[str, str], ...]:
-    """The two names that say the same as a dry friction of two levels: one level and a constant push."""
-    others, dry = best.keys - {effect.key}, ("coulomb_friction", effect.target)
-    for fit, _, _ in rivals[1:]:
+def as_two(rivals: Rivals, best: Fit, effect: Effect, tunable: Sequence[Effect] = ()) -> tuple[tuple[str, str], ...]:
+    """The names that say the same as a dry friction of two levels: one level, and a constant push or a drive's bias.
+
+    Of these one is compared; those of some `tunable` effects that push the joint do what it does.
+    """
+    others, dry, found = best.keys - {effect.key}, ("coulomb_friction", effect.target), set[tuple[str, str]]()
+    for fit, _, _ in rivals[1:] if effect.name == TWO_SIDED else ():
         new = fit.keys - others
-        alike = fit.chi2 - best.chi2 < ALIKE * best.chi2
-        if alike and effect.name == TWO_SIDED and others <= fit.keys and len(new) == 2 and dry in new:
-            return tuple(sorted(new))
-    return ()
+        if fit.chi2 - best.chi2 < ALIKE * best.chi2 and others <= fit.keys and len(new) == 2 and dry in new:
+            found |= new
+    alike = {e.key for e in tunable if push(e, np.ones(1), effect.target)} if found else set()
+    return tuple(sorted(found | (alike - others)))
 
 
 def as_one(
