@@ -13,7 +13,7 @@ from torch_activegp.simulators.load import is_factory
 from torch_activegp.simulators.mujoco_model import load_model
 
 _SHOWN = 5
-_WANTED = f"an MJCF file, package.module:factory, or one of {', '.join(KNOWN_MODELS)}"
+_OTHERS = f"package.module:factory, or one of {', '.join(KNOWN_MODELS)}"
 SAVED = ".pt"
 """How the names of simulators end that a diagnosis saved."""
 
@@ -37,12 +37,12 @@ def find_model(word: str) -> Path | Simulator:
     if path.is_dir():
         files = [file for file in sorted(path.iterdir()) if file.suffix in (".xml", SAVED) and file.is_file()]
         some = [*map(str, files[:_SHOWN]), *(["..."] if len(files) > _SHOWN else [])]
-        has = f"Give one of {', '.join(some)}." if files else f"Give {_WANTED}."
+        has = f"Give one of {', '.join(some)}." if files else f"Give an MJCF file, {_OTHERS}."
         raise ConfigurationError(f"Wanted a model, found the folder {word!r}. {has}")
     if not path.is_file():
         raise ConfigurationError(
             f"Unknown model {word!r}{guess(word, KNOWN_MODELS)} Wanted an MJCF file (none is there; working folder: "
-            f"{Path.cwd()}), package.module:factory, or one of {', '.join(KNOWN_MODELS)}."
+            f"{Path.cwd()}), {_OTHERS}."
         )
     if path.suffix == SAVED:
         from torch_activegp.diagnosis import load_corrected

@@ -122,7 +122,7 @@ class ColumnMap:
         Raises:
             DataError: if a name is not canonical, or a setting is unknown, of a wrong type or contradicts another.
         """
-        flat = dict(_below_its_header(mapping, name))
+        flat = _below_its_header(mapping, name)
         prescribed, video = _joints(flat.pop("prescribed", []), name), flat.pop("video", False)
         if not isinstance(video, bool):
             raise DataError(f"{name}: `video` wants true or false, found {video!r}.")
@@ -188,7 +188,7 @@ def _earlier(values: pd.Series, runs: Any, rule: ColumnRule, where: str) -> pd.S
     return moved.groupby(runs, sort=False).ffill()
 
 
-def _below_its_header(mapping: Mapping[str, Any], name: str) -> Mapping[str, Any]:
+def _below_its_header(mapping: Mapping[str, Any], name: str) -> dict[str, Any]:
     """The lines of a map, by their whole names, some or all of which stand below ``[columns]``."""
     lines = mapping.get("columns", {})
     if not isinstance(lines, Mapping):

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 
 import numpy as np
 
@@ -29,10 +29,11 @@ def in_more_axes(
         worth: of a gain by some effects, less their price.
         least: what one more axis must add to the worth.
     """
+    single = {(atom.effect.key, atom.effect.variant): atom for atom in screened.best() if atom.effect.vector}
     found: dict[frozenset[Effect], Sequence[Atom]] = {}  # two single axes may make the same
     for company in sets:
         best, larger = worth(screened.joint_gain(company), [atom.effect for atom in company]) + least, None
-        for number, form, other in _forms(company, screened, effects):
+        for number, form, other in _forms(company, single, effects):
             gain, values = screened.together([*company, other])
             along = {company[number].effect.variant: values[number], other.effect.variant: values[-1]}
             atoms = [dataclasses.replace(a, values=v) for a, v in zip(company, values[:-1], strict=True)]
@@ -44,9 +45,10 @@ def in_more_axes(
     return [*found.values()]
 
 
-def _forms(company: Sequence[Atom], screened: Screen, effects: Sequence[Effect]) -> Iterator[tuple[int, Effect, Atom]]:
-    """Which of some atoms may take which form, and the atom along the axis that this has beyond it."""
-    single = {(atom.effect.key, atom.effect.variant): atom for atom in screened.best() if atom.effect.vector}
+def _forms(
+    company: Sequence[Atom], single: Mapping[tuple[tuple[str, str], str], Atom], effects: Sequence[Effect]
+) -> Iterator[tuple[int, Effect, Atom]]:
+    """Which of some atoms may take which form, and the single atom along the axis that this has beyond it."""
     for number, effect in ((i, atom.effect) for i, atom in enumerate(company) if atom.effect.vector):
         for form in (form for form in effects if form.key == effect.key and set(effect.variant) < set(form.variant)):
             more = "".join(axis for axis in form.variant if axis not in effect.variant)

@@ -106,7 +106,7 @@ def join(fit: Fit, atoms: Iterable[Atom]) -> Set:
         if there:
             continue
         more = atom.values.copy()
-        inside = [i for i, e in enumerate(effects) if e.target == atom.effect.target and e.name in atom.effect.covers]
+        inside = [i for i, e in enumerate(effects) if contains(atom.effect, e)]
         for i in inside:
             more += _part(atom.effect, float(values[i][0])) if effects[i].linear == 1 else 0.0
         effects = [*(e for i, e in enumerate(effects) if i not in inside), atom.effect]
@@ -122,7 +122,7 @@ def richer(fit: Fit, effects: Sequence[Effect]) -> list[Set]:
     out: list[Set] = []
     for k, old in enumerate(fit.effects):
         for effect in effects:
-            if effect.target != old.target or old.name not in effect.covers or old.linear != 1:
+            if not contains(effect, old) or old.linear != 1:
                 continue
             others = [(e, v) for i, (e, v) in enumerate(zip(fit.effects, fit.values, strict=True)) if i != k]
             for seed in effect.seeds:
@@ -139,7 +139,7 @@ def beginning(effect: Effect, value: Array, pairs: Iterable[tuple[Effect, Array]
     What shapes it (:attr:`Effect.linear`) stays.
     """
     for old, there in pairs:
-        if old.target == effect.target and old.name in effect.covers and old.linear == 1:
+        if contains(effect, old) and old.linear == 1:
             return effect.absent(value) + _part(effect, float(there[0]))
     return value
 
@@ -166,7 +166,7 @@ def simpler(
         others = [(e, v) for e, v in pairs if e is not effect]
         fewer += [paired(others), *other_forms(others, effects)] if others else []
         for law in effects:
-            if law.target == effect.target and law.name in effect.covers and law.linear == 1:
+            if contains(effect, law) and law.linear == 1:
                 alone = [*others, (law, np.array([value[: effect.linear].mean()]))]
                 plain += [paired([*alone, *more]) for more in ([], *_offset(best, effect, value, effects, free))]
     plain += [*map(paired, [*merged(pairs, effects), *pushes_alone(pairs, effects)]), *_once_less(pairs, effects)]
@@ -174,14 +174,14 @@ def simpler(
     return fresh + [some for some in plain if known.get(frozenset(some[0]), np.inf) > close]
 
 
+def contains(law: Effect, other: Effect) -> bool:
+    """Whether a law holds another one at the same place for some of its parameters."""
+    return other.target == law.target and other.name in law.covers
+
+
 def holds_simpler_law(some: Set, best: Fit) -> bool:
     """Whether a set has a law in place of one of the best set's that contains it."""
-    return any(
-        law.target == effect.target and law.name in effect.covers
-        for effect in best.effects
-        if effect not in some[0]
-        for law in some[0]
-    )
+    return any(contains(effect, law) for effect in best.effects if effect not in some[0] for law in some[0])
 
 
 def softened(sets: Iterable[Set], effects: Sequence[Effect]) -> list[Set]:
