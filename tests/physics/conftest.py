@@ -83,7 +83,10 @@ class Bench:
             )
             effect.before_step(seen, rows, row, memory)
 
-        return self.run(model, control[0, 0], before)
+        def show(qpos: np.ndarray, qvel: np.ndarray) -> None:
+            effect.show(qpos, qvel, rows, row, memory)
+
+        return self.run(model, control[0, 0], before, show)
 
     def force(self, effect: JointEffect, values: Sequence[float]) -> np.ndarray:
         """The effect by its law alone."""
@@ -106,8 +109,9 @@ class Bench:
         model: mujoco.MjModel,
         control: np.ndarray | None = None,
         before: Callable[[mujoco.MjData], None] | None = None,
+        show: Callable[[np.ndarray, np.ndarray], None] | None = None,
     ) -> np.ndarray:
-        """States ``(T, nq + nv)`` after each step."""
+        """States ``(T, nq + nv)`` after each step, as they are shown."""
         data, states = mujoco.MjData(copy.copy(model)), []
         data.qpos[: len(self.start)] = self.start
         for u in self.control if control is None else control:
@@ -115,7 +119,10 @@ class Bench:
             if before is not None:
                 before(data)
             mujoco.mj_step(model, data)
-            states.append(np.concatenate([data.qpos, data.qvel]))
+            qpos, qvel = data.qpos[None].copy(), data.qvel[None].copy()
+            if show is not None:
+                show(qpos, qvel)
+            states.append(np.concatenate([qpos[0], qvel[0]]))
         return np.array(states)
 
     def gap(self, one: np.ndarray, other: np.ndarray) -> float:

@@ -24,9 +24,15 @@ def nominal(step: float, gravity: float = 0.0, armature: float = ROTOR) -> str:
 
 
 def two_masses(
-    bench: Any, gap: float, step: float, gravity: float, control: np.ndarray, begin: float, damped: bool = False
+    bench: Any,
+    gap: float,
+    step: float,
+    gravity: float,
+    control: np.ndarray,
+    begin: tuple[float, float],
+    damped: bool = False,
 ) -> np.ndarray:
-    """The load's position with the rotor as a body of its own, whose angle to the load has limits."""
+    """Positions of load and rotor as bodies of their own, whose angle to each other has limits, ``(T, 2)``."""
     xml = WITH_PLAY.format(
         step=step,
         gravity=gravity,
@@ -37,8 +43,8 @@ def two_masses(
         driven="rotor",
     )
     xml = with_damped_rotor(xml) if damped else xml
-    machine = dataclasses.replace(bench, xml=xml, start=(0.0, begin), control=control)
-    return np.asarray(machine.nominal()[:, 0])
+    machine = dataclasses.replace(bench, xml=xml, start=begin, control=control)
+    return np.asarray(machine.nominal()[:, :2])
 
 
 def with_damped_rotor(xml: str) -> str:
@@ -51,12 +57,20 @@ def swings(step: float) -> np.ndarray:
     return np.asarray(0.5 * np.sin(1.3 * t + 0.3) + 0.4 * np.sin(0.47 * t))
 
 
-def with_springs(gap: float, stiffness: float, damping: float, control: np.ndarray, damped: bool = False) -> np.ndarray:
-    """The load's position with the rotor as a body of its own, and the ends of the gap by hand in steps of 0.1 ms."""
+def with_springs(
+    gap: float,
+    stiffness: float,
+    damping: float,
+    control: np.ndarray,
+    damped: bool = False,
+    begin: tuple[float, float] = (0.0, 0.0),
+) -> np.ndarray:
+    """The same, ``(T, 2)``, with the ends of the gap by hand in steps of 0.1 ms."""
     rotor = f'<body><joint name="rotor" axis="0 1 0" armature="{ROTOR}"/><geom size=".001" mass="1e-6"/></body>'
     xml = WITH_PLAY.format(step=1e-4, gravity=0.0, armature=0, rotor=rotor, gap="", driven="rotor")
     model = mujoco.MjModel.from_xml_string(with_damped_rotor(xml) if damped else xml)
     data = mujoco.MjData(model)
+    data.qpos[:] = begin
     seen = []
     for row in control:
         for _ in range(10):
@@ -66,5 +80,5 @@ def with_springs(gap: float, stiffness: float, damping: float, control: np.ndarr
             face = push if abs(twist) > 0.5 * gap and push * twist > 0.0 else 0.0
             data.qfrc_applied[:] = face, -face
             mujoco.mj_step(model, data)
-        seen.append(data.qpos[0])
+        seen.append(data.qpos.copy())
     return np.array(seen)

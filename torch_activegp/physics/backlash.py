@@ -53,6 +53,7 @@ class Backlash(Effect):
     drives: tuple[tuple[int, float, float, float], ...] = ()
     dt: float = 0.01
     centred: bool = False
+    seen: bool = False
 
     name = "backlash"
     never_negative = frozenset({"gap"})
@@ -120,7 +121,7 @@ class Backlash(Effect):
         if self.centred:
             memory[:, 1:4] = 0.0
         back = min(int(np.ceil(_BACK / (every * self.dt))), -(-int(starts[:, 1].max()) // every))
-        if past is not None and back:
+        if past is not None and back and not self.seen:
             alike = np.column_stack([past.same, starts, values[:, 0]])  # most differ in their initial states alone
             _, one, of = np.unique(alike, axis=0, return_index=True, return_inverse=True)
             control = past.control(one, back * every).reshape(len(one), back, every, -1).mean(axis=2)
@@ -155,16 +156,14 @@ class Backlash(Effect):
         new = np.isnan(memory[:, 4])
         if new.any():
             off, faster, side = self._begin(memory, torque - self.drag * v)
-            off, fast = np.where(side != 0.0, side * half, off), v + np.where(side != 0.0, 0.0, faster)
-            memory[new] = np.stack([q + off, fast, fast, 0.0 * v, side, 0.0 * v], axis=1)[new]
+            off, faster = np.where(side != 0.0, side * half, off), np.where(side != 0.0, 0.0, faster)
+            q, v = self._joint_behind(step, rows, new, q, v, off, faster)
+            memory[new] = np.stack([q + off, v + faster, v + faster, 0.0 * v, side, 0.0 * v], axis=1)[new]
             inertia, drag = self._on_joint(np.abs(side[new]))
             add_rotor(step.field, rows[new], self.dof, inertia, drag - self.drag)
-        place, before, free, apart, side, last = memory.T
-        pulled = side * (free - v - apart) < 0.0
-        held = (side != 0.0) & ~pulled
-        back = np.where(pulled, self.rotor * (v + apart - free) / dt, 0.0)
-        speed = np.where(held, v + apart, free)
-        off = np.where(held, side * half, place + 0.5 * last * (before + free) - q)
+        free, apart, side = memory.T[2:5]
+        off, speed, held = self._rotor(q, v, half, memory)
+        back = np.where((side != 0.0) & ~held, self.rotor * (v + apart - free) / dt, 0.0)
         free = (speed + dt * torque / self.rotor) / (1.0 + dt * self.drag / self.rotor)
         late = step.middle * (free - v)  # a touch acts in the middle of a step, half a step too late on average
         then = off + dt * (free - v + late)
@@ -175,6 +174,29 @@ class Backlash(Effect):
             add_rotor(step.field, rows, self.dof, *self._on_joint(met))
         step.force[rows, self.dof] += back + np.where(now != 0.0, self.rotor * (speed - v - apart) / dt, -torque)
         memory[:] = np.stack([q + off, speed, free, apart, now, dt], axis=1)
+
+    def show(self, qpos: Array, qvel: Array, rows: Index, values: Array, memory: Array | None) -> None:
+        """Puts the rotor in place of the joint where the encoder sits on it."""
+        if self.seen and memory is not None:
+            q, v = qpos[rows, self.qpos], qvel[rows, self.dof]
+            off, speed, _ = self._rotor(q, v, 0.5 * values[:, 0], memory)
+            qpos[rows, self.qpos], qvel[rows, self.dof] = q + off, speed
+
+    def _rotor(self, q: Array, v: Array, half: Array, memory: Array) -> tuple[Array, Array, NDArray[np.bool_]]:
+        """Where the rotor is against the joint after a step, its speed, and whether it is held at an end of the gap."""
+        place, before, free, apart, side, last = memory.T
+        held = (side != 0.0) & ~(side * (free - v - apart) < 0.0)  # also where a simulation failed
+        off = np.where(held, side * half, place + 0.5 * last * (before + free) - q)
+        return off, np.where(held, v + apart, free), held
+
+    def _joint_behind(
+        self, step: Step, rows: Index, new: NDArray[np.bool_], q: Array, v: Array, off: Array, faster: Array
+    ) -> tuple[Array, Array]:
+        """Position and speed of the joint as simulations begin, from those of the rotor where the encoder sees that."""
+        if self.seen:
+            q, v = np.where(new, q - off, q), np.where(new, v - faster, v)
+            step.qpos[rows, self.qpos], step.qvel[rows, self.dof] = q, v
+        return q, v
 
     def _on_joint(self, share: Array) -> tuple[Array, Array]:
         """Inertia and damping of a rotor that moves with the joint."""
@@ -226,4 +248,5 @@ def _constant_bias(model: mujoco.MjModel) -> NDArray[np.bool_]:
 
 
 BACKLASH: tuple[type[Backlash], ...] = (Backlash, RestingBacklash, DampedBacklash)
-"""The family, on joints with a motor; with ends that give way in :mod:`torch_activegp.physics.springy_backlash`."""
+"""The family, on joints with a motor; with ends that give way in :mod:`torch_activegp.physics.springy_backlash`, and
+with the encoder on the motor in :mod:`torch_activegp.physics.motor_side`."""

@@ -17,6 +17,7 @@ from torch_activegp.physics.effect import Array, Effect
 from torch_activegp.physics.friction import FRICTION
 from torch_activegp.physics.inertia import ArmatureError, CenterOfMassOffset, GravityError, pulls_of_gravity
 from torch_activegp.physics.joint import JointEffect
+from torch_activegp.physics.motor_side import MOTOR_SIDE
 from torch_activegp.physics.payload import DensityError, PayloadAlong, PayloadAside, PayloadMass
 from torch_activegp.physics.place import Place
 from torch_activegp.physics.play import MEMORY
@@ -37,6 +38,7 @@ _LISTED: tuple[type[Effect], ...] = (
     *JOINT_EFFECTS,
     *BACKLASH,
     *SPRINGY_BACKLASH,
+    *MOTOR_SIDE,
     *ACTUATION,
     ServoSaturation,
     *SENSING,
@@ -68,7 +70,13 @@ def catalogue(
         ConfigurationError: a further class is of another kind, its name is on the list already, or its ``at`` does not
             take a place and a model or returns something else.
     """
-    on_joints: tuple[type[Effect], ...] = (*JOINT_EFFECTS, SoftCoulombFriction, *BACKLASH, *SPRINGY_BACKLASH)
+    on_joints: tuple[type[Effect], ...] = (
+        *JOINT_EFFECTS,
+        SoftCoulombFriction,
+        *BACKLASH,
+        *SPRINGY_BACKLASH,
+        *MOTOR_SIDE,
+    )
     on_drives: tuple[type[Effect], ...] = (*ACTUATION, ServoSaturation)
     listed = ((joints, on_joints), (actuators, on_drives), (sensors, SENSING))
     pairs = ((place, kind) for places, kinds in listed for place in places for kind in kinds)

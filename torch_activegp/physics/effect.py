@@ -179,6 +179,9 @@ class Effect:
     def before_step(self, step: Step, rows: Index, values: Array, memory: Array | None) -> None:
         """Adds forces, or changes the model, before each time step."""
 
+    def show(self, qpos: Array, qvel: Array, rows: Index, values: Array, memory: Array | None) -> None:
+        """Changes what encoders see of positions ``(R, nq)`` and velocities ``(R, nv)`` after a time step, in place."""
+
     def memory(self, positions: Array, starts: Array, values: Array) -> Array | None:
         """State of the effect at the start of each simulation; see :mod:`torch_activegp.physics.play`."""
         return None

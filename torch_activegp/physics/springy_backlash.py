@@ -75,8 +75,9 @@ class SpringyBacklash(Backlash):
             pushes = torque - self.drag * v
             acceleration, (off, faster, side) = memory[:, 0], self._begin(memory, pushes)
             pressed = np.maximum(side * (pushes - self.rotor * acceleration), 0.0) / np.maximum(values[:, 1], 1e-12)
-            off = np.where(side != 0.0, side * (half + pressed), off)
-            begun = np.stack([q + off, v + np.where(side != 0.0, 0.0, faster)], axis=1)
+            off, faster = np.where(side != 0.0, side * (half + pressed), off), np.where(side != 0.0, 0.0, faster)
+            q, v = self._joint_behind(step, rows, new, q, v, off, faster)
+            begun = np.stack([q + off, v + faster], axis=1)
             memory[new, :2], memory[new, 4] = begun[new], 0.0
         place, speed = memory[:, 0], memory[:, 1]
         off = place - q + step.middle * dt * (speed - v)
@@ -87,6 +88,11 @@ class SpringyBacklash(Backlash):
         memory[:, 0] = place + dt * (step.middle * speed + (1.0 - step.middle) * after)
         memory[:, 1] = after
         step.force[rows, self.dof] += face - torque
+
+    def show(self, qpos: Array, qvel: Array, rows: Index, values: Array, memory: Array | None) -> None:
+        """Puts the rotor in place of the joint where the encoder sits on it."""
+        if self.seen and memory is not None:
+            qpos[rows, self.qpos], qvel[rows, self.dof] = memory[:, 0], memory[:, 1]
 
 
 @dataclasses.dataclass(frozen=True, eq=False)

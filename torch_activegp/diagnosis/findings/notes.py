@@ -12,6 +12,7 @@ from torch_activegp.diagnosis.inputs.segments import Segments
 from torch_activegp.diagnosis.selection.explain import Explanation
 from torch_activegp.diagnosis.selection.search import Depth
 from torch_activegp.diagnosis.simulation.blackbox_engine import BlackBoxEngine
+from torch_activegp.physics.backlash import Backlash
 from torch_activegp.physics.effect import Effect
 
 _SCHEMES = {
@@ -39,7 +40,18 @@ def search_notes(explanation: Explanation, model: mujoco.MjModel) -> list[str]:
     """
     cut_short = [_CUT_SHORT] if explanation.selection.cut_short else []
     part = _part_note(explanation.shooting.segments)
-    return [*_numerics_note(explanation, model), *part, *cut_short, *_one_way_notes(explanation.effects)]
+    hidden = _hidden_notes(explanation.selection.best.effects)
+    return [*_numerics_note(explanation, model), *part, *cut_short, *hidden, *_one_way_notes(explanation.effects)]
+
+
+def _hidden_notes(best: Sequence[Effect]) -> list[str]:
+    """Joints whose recordings turned out to be of their motors."""
+    return [
+        f"{effect.target}: the recordings agree with an encoder on the motor, in front of the gap. States of this "
+        "joint in the corrected simulator are the motor's, as recorded."
+        for effect in best
+        if isinstance(effect, Backlash) and effect.seen
+    ]
 
 
 def _one_way_notes(effects: Sequence[Effect]) -> list[str]:

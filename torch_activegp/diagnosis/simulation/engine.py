@@ -9,21 +9,21 @@ from collections.abc import Sequence
 import mujoco
 import mujoco.batch
 import numpy as np
-from numpy.typing import NDArray
 
 from torch_activegp.diagnosis.inputs.own_filters import own_filters, without_filters
 from torch_activegp.diagnosis.inputs.runs import Array, Channels, Run, median_step
 from torch_activegp.diagnosis.inputs.segments import Segments
 from torch_activegp.diagnosis.simulation.candidate import Candidate, grouped
 from torch_activegp.diagnosis.simulation.controls import Controls, Inputs
+from torch_activegp.diagnosis.simulation.fields import Fields
 from torch_activegp.diagnosis.simulation.hermite import fill_rows
 from torch_activegp.diagnosis.simulation.leapfrog import halve_damping
 from torch_activegp.diagnosis.simulation.memories import Memories
 from torch_activegp.diagnosis.simulation.prescribed_motion import RUNGE_KUTTA, PrescribedMotion, make_heavy
 from torch_activegp.diagnosis.simulation.readings import readings
-from torch_activegp.diagnosis.simulation.stepping import Act, Stepping
+from torch_activegp.diagnosis.simulation.stepping import Act, Hooks, Show, Stepping
 from torch_activegp.errors import ConfigurationError
-from torch_activegp.physics.effect import Effect, Index, field_of
+from torch_activegp.physics.effect import Effect, Index
 from torch_activegp.simulators.mujoco_warnings import warnings_to
 
 _logger = logging.getLogger(__name__)
@@ -86,7 +86,7 @@ class Engine:
         self.late = late
         self.work = 0.0
         """Time steps that it has computed, as :meth:`steps_in` counts them."""
-        self._fields: dict[bool, _Fields] = {}
+        self._fields: dict[bool, Fields] = {}
         self._memories = Memories(channels)
 
     def without_leapfrog(self) -> Engine:
@@ -196,7 +196,7 @@ class Engine:
         batch = fields.batch
         fields("opt.timestep")[:rows] = np.tile(np.median(segments.dt, axis=1) / self.substeps, count)
         controls = Controls(segments, candidates, self.substeps, model.nu, self.filters if self._exact else ())
-        acting, steady = self._acting(segments, candidates, fields, controls)
+        acting, showing, steady = self._acting(segments, candidates, fields, controls)
         inputs = Inputs(segments, candidates, controls, self.substeps, self.stride, self.late, steady)
         batch.state[:rows] = self._reset_row
         flat = starts.reshape(rows, -1)
@@ -210,12 +210,12 @@ class Engine:
         if self.late:  # after the constants: they are those of the machine
             halve_damping(self.model, fields, rows, np.tile(np.median(lengths, axis=1), count))
         steps = np.broadcast_to(lengths, (count, *lengths.shape)).reshape(rows, -1)
-        acting = [*self._following(segments, lengths, starts[0]), *acting]
+        hooks = Hooks([*self._following(segments, lengths, starts[0]), *acting], showing)
         states = np.empty((rows, intervals + 1, self.state_size))
         states[:, 0] = flat
         with warnings_to(_logger.debug), np.errstate(all="ignore"):
             middle = 0.5 * (model.opt.integrator == RUNGE_KUTTA)
-            Stepping(batch, inputs, fields, edges, steps, self.substeps, acting, middle).fill(states)
+            Stepping(batch, inputs, fields, edges, steps, self.substeps, hooks, middle).fill(states)
         if self.stride > 1:
             fill_rows(states, edges, np.tile(segments.dt, (count, 1)), model.nq)
         failed = (batch.warning[:rows, :, 1] > 0).any(axis=1) | (batch.status[:rows] != 0)
@@ -224,12 +224,17 @@ class Engine:
         return states.reshape(count, size, intervals + 1, self.state_size)
 
     def _acting(
-        self, segments: Segments, candidates: Sequence[Candidate], fields: _Fields, controls: Controls
-    ) -> tuple[list[Act], Array]:
-        """Edits the models, with the constants that follow; returns what acts in every step, and what always does."""
+        self, segments: Segments, candidates: Sequence[Candidate], fields: Fields, controls: Controls
+    ) -> tuple[list[Act], list[Show], Array]:
+        """Edits the models, with the constants that follow.
+
+        Returns:
+            What acts in every step, what changes the states that encoders see, and forces that always act.
+        """
         size, derived = segments.size, np.zeros(len(candidates), dtype=bool)
         steady = np.zeros((len(candidates) * size, self.model.nv))
         acting: list[Act] = []
+        showing: list[Show] = []
         for effect, which, values in grouped(candidates):
             rows = (which[:, None] * size + np.arange(size)).ravel()
             repeated = np.repeat(values, size, axis=0)
@@ -238,8 +243,9 @@ class Engine:
             if effect.needs_steps:
                 memory = self._memories(effect, segments, rows, repeated, controls)
                 acting.append(before_steps(effect, rows, repeated, memory))
+                showing.append(at_rows(effect, rows, repeated, memory))
         fields.derive(np.repeat(derived, size))
-        return acting, steady
+        return acting, showing, steady
 
     def _following(self, segments: Segments, lengths: Array, starts: Array) -> list[Act]:
         """What moves the prescribed joints, where there are any, in substeps of given lengths ``(S, K)``, s."""
@@ -249,13 +255,13 @@ class Engine:
         steps = np.repeat(lengths, self.substeps, axis=1)
         return [PrescribedMotion(self.model, joints, segments, steps, starts[:, joints.qpos])]
 
-    def _fields_for(self, rows: int, few: bool) -> _Fields:
+    def _fields_for(self, rows: int, few: bool) -> Fields:
         """A batch with room for so many simulations; a few that stop at every step wait for no other thread."""
         fields = self._fields.get(few)
         if fields is None or fields.batch.nsim < rows:
             capacity = _FEW if few else 1 << max(rows - 1, 0).bit_length()
             try:
-                fields = _Fields(mujoco.batch.Batch(self.model, capacity, 1 if few else self.nthread))
+                fields = Fields(mujoco.batch.Batch(self.model, capacity, 1 if few else self.nthread))
             except ValueError as error:
                 raise ConfigurationError(
                     f"MuJoCo cannot run this model in batches: {error}. Turn that feature off in the model."
@@ -270,26 +276,9 @@ def before_steps(effect: Effect, rows: Index, values: Array, memory: Array | Non
     return lambda step: effect.before_step(step, rows, values, memory)
 
 
-class _Fields:
-    """Fields of a batch's model with one value for each simulation, put back after use."""
-
-    def __init__(self, batch: mujoco.batch.Batch) -> None:
-        self.batch = batch
-        self._stale = np.zeros(batch.nsim, dtype=bool)
-
-    def __call__(self, name: str) -> Array:
-        return self.batch.expand(name)
-
-    def derive(self, edited: NDArray[np.bool_]) -> None:
-        """Computes the constants of the first simulations that are edited, or were and still have what followed."""
-        stale = self._stale[: len(edited)]
-        if len(changed := np.flatnonzero(edited | stale)):
-            self.batch.set_const(changed.astype(np.int32))
-        stale[:] = edited
-
-    def restore(self, model: mujoco.MjModel) -> None:
-        for name in list(self.batch._expanded):
-            self.batch.expand(name)[...] = field_of(model, name)
+def at_rows(effect: Effect, rows: Index, values: Array, memory: Array | None) -> Show:
+    """How an effect changes what encoders see."""
+    return lambda qpos, qvel: effect.show(qpos, qvel, rows, values, memory)
 
 
 def substeps_for(model: mujoco.MjModel, runs: Sequence[Run]) -> int:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import itertools
 import logging
 from collections.abc import Callable, Iterator, Sequence
+from typing import NamedTuple
 
 import mujoco
 import mujoco.batch
@@ -25,6 +26,20 @@ _TOGETHER = 16
 
 Act = Callable[[Step], None]
 """What is done before a time step."""
+Show = Callable[[Array, Array], None]
+"""What changes recorded positions ``(R, nq)`` and velocities ``(R, nv)``."""
+
+
+class Hooks(NamedTuple):
+    """What is done on the way.
+
+    Args:
+        acting: before every time step.
+        showing: to the states at the end of a step as they are written.
+    """
+
+    acting: Sequence[Act] = ()
+    showing: Sequence[Show] = ()
 
 
 class Stepping:
@@ -37,7 +52,7 @@ class Stepping:
         edges: the E + 1 rows at which time steps begin and end.
         steps: lengths of the time steps between them, ``(R, E)``, s.
         substeps: time steps between two of the rows.
-        acting: what is done before every time step.
+        hooks: what is done on the way.
         middle: see :class:`Step`.
     """
 
@@ -49,10 +64,11 @@ class Stepping:
         edges: Sequence[int],
         steps: Array,
         substeps: int,
-        acting: Sequence[Act] = (),
+        hooks: Hooks | None = None,
         middle: float = 0.0,
     ) -> None:
-        self._batch, self._inputs, self._field, self._acting = batch, inputs, field, acting
+        self._batch, self._inputs, self._field = batch, inputs, field
+        self._acting, self._showing = hooks or Hooks()
         self._middle = middle
         self._edges, self._steps, self._substeps = list(itertools.pairwise(edges)), steps, substeps
         self._ids = np.arange(len(steps), dtype=np.int32)
@@ -122,7 +138,10 @@ class Stepping:
                     self._batch.step(self._ids, together)
                 except mujoco.batch.SimulationError as error:
                     _logger.debug("%s", error)
-            states[:, after, : position.shape[1]], states[:, after, position.shape[1] :] = position, velocity
+            shown = states[:, after, : position.shape[1]], states[:, after, position.shape[1] :]
+            shown[0][:], shown[1][:] = position, velocity
+            for show in self._showing:
+                show(*shown)
 
     def _each(self) -> Iterator[tuple[int, Array, Array]]:
         """The row at each edge's end, and controls and forces up to there, made for several edges together."""
