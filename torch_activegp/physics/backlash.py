@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from torch_activegp.physics.effect import Array, Effect, Index, Parameter, Step
 from torch_activegp.physics.joint import drivers
 from torch_activegp.physics.place import Place
-from torch_activegp.physics.rotor import Motion, Past, add_rotor, carried
+from torch_activegp.physics.rotor import Motion, Past, add_rotor, carried, whole_inertia
 
 _LIGHTEST = 0.01
 _NO_GAP = 1e-5
@@ -90,7 +90,7 @@ class Backlash(Effect):
             linear=0,
             dof=place.index,
             qpos=place.qpos,
-            rotor=max(armature, _LIGHTEST / max(float(model.dof_invweight0[place.index]), 1e-12)),
+            rotor=max(armature, _LIGHTEST * whole_inertia(model, place.index)),
             armature=armature,
             drives=tuple(drives),
             dt=place.dt,

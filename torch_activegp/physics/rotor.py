@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import Any, NamedTuple
 
+import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
@@ -111,6 +112,17 @@ def carried(
         place = np.where(side != 0.0, side * half, free)
         speed = np.where(side != 0.0, 0.0, now_slower * speed + now_faster)
     return place, speed, side
+
+
+def whole_inertia(model: mujoco.MjModel, dof: int) -> float:
+    """What a force on a joint feels where the others are free, kg m2 or kg, with its armature.
+
+    ``dof_invweight0`` is no measure: on a slide whose body turns with nothing it leaves out the armature.
+    """
+    data, felt = mujoco.MjData(model), np.zeros((1, model.nv))
+    mujoco.mj_forward(model, data)
+    mujoco.mj_solveM(model, data, felt, np.eye(model.nv)[dof : dof + 1])
+    return float(1.0 / max(felt[0, dof], 1e-12))
 
 
 def add_rotor(
