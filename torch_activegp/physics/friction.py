@@ -21,7 +21,7 @@ IMPEDANCE = (0.99, 0.999)
 _BRISTLES = 0.5
 _A_LITTLE = 0.15
 """Share of the first-order friction with which a fit also starts."""
-_STEEPEST = 4.0
+_STEEPEST = 20.0
 """Static friction beyond what slides, over what slides, at most; machines show 0.1 to 2."""
 
 

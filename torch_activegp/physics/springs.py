@@ -94,7 +94,7 @@ class LinearSpring(Spring):
             Parameter("stiffness", f"{place.force_unit}/{place.position_unit}", scale, low=_softest(place, model)),
             Parameter("preload", place.force_unit, _SMALL * place.force),
         )
-        return cls.around(place, model, parameters, linear=2, variant="rest")
+        return cls.around(place, model, parameters, linear=2, variant="rest", tunable=_has_one(place, model))
 
     def force(self, position: Array, velocity: Array, values: Sequence[Array] | Array) -> Array:
         """The law; see :meth:`JointEffect.force`."""
@@ -120,7 +120,8 @@ class CenteredSpring(Spring):
         """Makes the effect for a joint."""
         scale = _SMALL * place.force / _reach(place)
         unit = f"{place.force_unit}/{place.position_unit}"
-        return cls.around(place, model, (Parameter("stiffness", unit, scale, low=_softest(place, model)),))
+        parameter = Parameter("stiffness", unit, scale, low=_softest(place, model))
+        return cls.around(place, model, (parameter,), tunable=_has_one(place, model))
 
     def force(self, position: Array, velocity: Array, values: Sequence[Array] | Array) -> Array:
         """The law; see :meth:`JointEffect.force`."""
@@ -175,6 +176,11 @@ class CubicSpring(Spring):
 def _reach(place: Place) -> float:
     """The largest recorded distance from the model's zero, rad or m."""
     return max(abs(place.position[0]), abs(place.position[1]), 1e-6)
+
+
+def _has_one(place: Place, model: mujoco.MjModel) -> bool:
+    """Whether the model has a spring there, of which a modeller would have tuned the stiffness."""
+    return bool(model.jnt_stiffness[model.dof_jntid[place.index]] > 0.0)
 
 
 def _softest(place: Place, model: mujoco.MjModel) -> float:

@@ -225,11 +225,14 @@ def _split(
     """Tells effects from nuisances: what a modeller had tuned on these data gains nothing alone.
 
     A nominal that was tuned on the data sits where damping, gain, rotor and bias, or what cannot be told from them,
-    gain nothing by themselves; only together with what is missing do they move back.
+    gain nothing by themselves; only together with what is missing do they move back. Where something was tuned, a mass
+    of which the model has too much was tuned too: it is no physics that was left out.
     """
     best = selection.best
     names = {e.key for fit, _, _ in rivals for e in fit.effects if e.tunable}
     tunable = [e for e in best.effects if e.tunable or names & set(swapped(rivals, best, e))]
+    if selection.score.free and tunable:
+        tunable += [e for e, v in best.by_effect.items() if e not in tunable and e.too_much(v)]
     others = [e for e in best.effects if e not in tunable]
     if not tunable or not others:
         return list(best.effects), ()
