@@ -3,6 +3,7 @@ from __future__ import annotations
 import dataclasses
 from typing import Any
 
+import mujoco
 import numpy as np
 import pytest
 
@@ -73,6 +74,15 @@ def test_a_spring_adds_to_the_models_own(bench: Any) -> None:
         assert machine.gap(machine.hooks(effect, values), machine.written(effect, values)) < 1e-3
     assert not LinearSpring.at(machine.shoulder, machine.model).write(machine.spec, np.array([-0.5, 0.1]))
     assert not CubicSpring.at(machine.shoulder, machine.model).write(machine.spec, np.array([1.0]))
+
+
+@pytest.mark.parametrize("stiffness", [0.0, 0.5])
+def test_a_spring_is_tuned_where_the_model_has_one(bench: Any, stiffness: float) -> None:
+    xml = bench.xml.replace('damping="0.05"', f'damping="0.05" stiffness="{stiffness}"')
+    model = mujoco.MjModel.from_xml_string(xml)
+    for kind, tuned in ((CenteredSpring, stiffness > 0.0), (LinearSpring, stiffness > 0.0), (CubicSpring, False)):
+        assert kind.at(bench.shoulder, model).tunable is tuned
+        assert not kind.at(bench.elbow, model).tunable
 
 
 def test_a_rest_position_and_a_cubic_spring_do_not_fit_in_one_file(bench: Any) -> None:

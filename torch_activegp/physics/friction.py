@@ -22,7 +22,8 @@ _BRISTLES = 0.5
 _A_LITTLE = 0.15
 """Share of the first-order friction with which a fit also starts."""
 _STEEPEST = 20.0
-"""Static friction beyond what slides, over what slides, at most; machines show 0.1 to 2."""
+"""Static friction beyond what slides, over what slides, at most; machines show 0.1 to 2, and more where they slide
+nearly without friction. Static friction alone is no friction."""
 
 
 def sharpen(field: Callable[[str], Array], rows: Index, dof: int) -> None:

@@ -7,7 +7,7 @@ import pytest
 
 from torch_activegp.diagnosis.noise.model import NoiseModel
 from torch_activegp.diagnosis.selection.compared import Selection
-from torch_activegp.diagnosis.selection.judge import SEEN, _may_be_coloured, judge, omnibus
+from torch_activegp.diagnosis.selection.judge import SEEN, _may_be_coloured, _split, judge, omnibus
 from torch_activegp.diagnosis.shooting.score import Score
 
 
@@ -195,6 +195,25 @@ def test_a_friction_behind_a_tuning_may_be_one_of_two_levels(bench, monkeypatch)
         judged = judge(bench.shooting, chosen)
         assert judged.named == (dry,)
         assert (two_sided.effects[0].key in judged.ties[0]) is bool(tuned)
+
+
+@pytest.mark.parametrize(("load", "free", "tuned"), [(-0.05, True, True), (0.05, True, False), (-0.05, False, False)])
+def test_a_mass_that_is_too_much_beside_a_tuning_was_tuned(bench, monkeypatch, load, free, tuned) -> None:
+    dry, wet = bench.effect("coulomb_friction"), bench.effect("viscous_friction")
+    mass = bench.effect("payload_mass", "body:rod")
+    best = dataclasses.replace(
+        bench.fit("viscous_friction", 0.05),
+        effects=(dry, wet, mass),
+        values=(np.array([0.1]), np.array([0.01]), np.array([load])),
+    )
+    chosen = selection(bench, best)
+    chosen.score = dataclasses.replace(chosen.score, free=frozenset({wet.key}) if free else frozenset())
+    monkeypatch.setattr("torch_activegp.diagnosis.selection.judge.is_a_tuning", lambda *_: True)
+    monkeypatch.setattr(Selection, "best", best)
+    monkeypatch.setattr(Selection, "needs_more_than", lambda *_: False)
+    named, beside = _split(bench.shooting, chosen, ())
+    assert set(beside) == ({wet, mass} if tuned else {wet})
+    assert set(named) == {dry, wet, mass} - set(beside)
 
 
 @pytest.mark.parametrize(("part", "verdict"), [(0.9, "unknown"), (1.1, "named")])
