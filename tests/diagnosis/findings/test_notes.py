@@ -38,3 +38,13 @@ def test_what_was_not_sought_on_a_joint_that_does_not_turn_back_is_told(bench) -
     assert both.startswith("joint:hip hardly turns back") and "hysteresis and friction that differs between" in both
     (one,) = notes("hysteresis")
     assert "friction that differs" not in one
+
+
+def test_an_encoder_that_turns_out_to_sit_on_the_motor_is_told(bench) -> None:
+    for variant, told in (("motor side", True), ("", False)):
+        play = next(effect for effect in bench.effects if (effect.name, effect.variant) == ("backlash", variant))
+        fit = dataclasses.replace(bench.nominal, effects=(play,), values=(np.array([0.1]),), chi2=0.0)
+        selection = Selection(bench.nominal, [bench.nominal, fit], Score(bench.shooting.samples, 5, 1.0))
+        found = Explanation(bench.engine, bench.shooting, selection, tuple(bench.effects), False)
+        notes = search_notes(found, bench.machine.model)
+        assert [note.startswith("joint:hip: the recordings agree with an encoder") for note in notes] == [True] * told

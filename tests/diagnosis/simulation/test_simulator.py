@@ -90,6 +90,20 @@ def test_a_step_feels_the_motor_behind_a_backlash(bench: Any, model: mujoco.MjMo
     assert float(made.rollout(state, action[None])[0, 1]) == pytest.approx(0.0, abs=1e-9)
 
 
+def test_states_behind_an_encoder_on_the_motor_are_the_motors(bench: Any, model: mujoco.MjModel) -> None:
+    """One step from rest against a pendulum that hangs half a gap away, and on from where another rollout ended."""
+    play = next(e for e in bench.effects if e.name == "backlash" and e.variant == "motor side")
+    candidate = Candidate((play,), (np.array([0.1]),))
+    made = EffectSimulator(model, bench.machine.channels, candidate, dt=0.01, substeps=2)
+    state, action = torch.zeros(2, dtype=torch.float64), torch.tensor([1.0], dtype=torch.float64)
+    there, back = made.rollout(state, torch.stack([action] * 30)), made.rollout(state, torch.stack([-action] * 30))
+    assert float(there[0, 0]) == pytest.approx(0.0, abs=0.01)  # and not half a gap
+    torch.testing.assert_close(there, -back)
+    on = made.rollout(there[14], torch.stack([action] * 15))
+    torch.testing.assert_close(on, there[15:], rtol=1e-3, atol=1e-4)
+    torch.testing.assert_close(made(there[14], action), on[0], rtol=1e-3, atol=1e-4)
+
+
 @pytest.mark.parametrize("batch", [(), (3,), (2, 3), (0,)])
 @pytest.mark.parametrize("dtype", [torch.float32, torch.float64])
 def test_shapes_and_types(simulator: EffectSimulator, batch: tuple[int, ...], dtype: torch.dtype) -> None:
