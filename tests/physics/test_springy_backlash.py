@@ -7,11 +7,15 @@ import mujoco
 import numpy as np
 import pytest
 
-from tests.physics.two_masses import JOINT, ROTOR, nominal, swings, with_springs
+from tests.physics.two_masses import JOINT, ROTOR, nominal, seen, swings, with_springs
 from torch_activegp.physics import Step
 from torch_activegp.physics.backlash import Backlash
+from torch_activegp.physics.motor_side import MotorSideSpringyBacklash
 from torch_activegp.physics.rotor import Past
 from torch_activegp.physics.springy_backlash import SpringyBacklash, SpringyDampedBacklash
+
+CLOSE = 2e-3
+"""Of the motion."""
 
 
 @pytest.mark.parametrize(
@@ -85,3 +89,68 @@ def test_a_light_joint_behind_a_springy_rotor_stays_stable(light: float, middle:
     firm = 2.0 * np.cumsum(swings(0.005)[:, 0]) * 0.005 / (ROTOR * (1.0 + light))
     assert np.abs(seen).max() < 1.5 * np.abs(firm).max()
     assert not np.isnan(seen).any()
+
+
+@pytest.mark.parametrize("frequency", [80.0, 300.0])
+@pytest.mark.parametrize("integrator", ["implicitfast", "RK4"])
+@pytest.mark.parametrize("kind", [SpringyBacklash, MotorSideSpringyBacklash])
+def test_in_long_steps_the_rotor_moves_in_short_ones(frequency: float, integrator: str, kind: Any) -> None:
+    """Steps of 4 ms, a third and more than one radian of the natural frequency."""
+    step, gap, middle = 0.004, 0.1, 0.5 * (integrator == "RK4")
+    values = [gap, ROTOR * frequency**2, 0.6 * ROTOR * frequency]
+    xml = nominal(step).replace("<option", f'<option integrator="{integrator}"')
+    control = swings(step)
+    effect = kind.at(dataclasses.replace(JOINT, dt=step), mujoco.MjModel.from_xml_string(xml))
+    behind = 0.5 * gap + 2.0 * control[0, 0] / values[1] if effect.on_motor else 0.0
+    truth = with_springs(*values, control, begin=(-behind, 0.0), step=step)
+    wanted, (found, speed) = truth[:, int(effect.on_motor)], seen(effect, values, control, xml, middle).T
+    assert np.abs(found - wanted).max() < CLOSE * np.ptp(wanted)
+    slope = np.gradient(wanted, step)
+    early = 0.5 * step * np.gradient(slope, step) * (middle == 0.0)  # speeds of the scheme belong to half a step before
+    off = np.abs(speed - slope + early)[2:-2].mean() / slope.std()
+    assert off < 0.05
+
+
+@pytest.mark.parametrize("middle", [0.0, 0.5])
+@pytest.mark.parametrize("share", [0.25, 4.0])
+@pytest.mark.parametrize("frequency", [80.0, 600.0])
+def test_a_joint_with_another_inertia_than_foreseen_stays_stable(frequency: float, share: float, middle: float) -> None:
+    """A folded arm has a quarter of what it has stretched."""
+    step, control = 0.004, swings(0.004)
+    xml = nominal(step).replace("<option", f'<option integrator="{"RK4" if middle else "implicitfast"}"')
+    effect = SpringyBacklash.at(dataclasses.replace(JOINT, dt=step), mujoco.MjModel.from_xml_string(xml))
+    wrong = dataclasses.replace(effect, load=effect.load / share)
+    for rotor in (ROTOR, 10.0 * ROTOR):
+        values = [0.1, rotor * frequency**2, 0.6 * rotor * frequency]
+        model = nominal(step, armature=rotor)
+        right, found = (
+            seen(dataclasses.replace(some, rotor=rotor, armature=rotor), values, control, model, middle)[:, 0]
+            for some in (effect, wrong)
+        )
+        assert np.abs(found - right).max() < 0.1 * np.ptp(right)
+
+
+def test_a_simulation_is_alike_whatever_the_others(bench: Any) -> None:
+    effect = SpringyBacklash.at(JOINT, mujoco.MjModel.from_xml_string(nominal(0.004)))
+    values = np.array([[0.1, ROTOR * 80.0**2, 0.5], [0.1, ROTOR * 500.0**2, 0.5], [0.1, np.nan, 0.5]])
+    dt = np.array([0.004, 0.008, 0.004])
+
+    def pushed(which: list[int]) -> np.ndarray:
+        count = len(which)
+        memory = np.tile([0.06, 0.3, 0.0, 0.0, 0.0, 0.004], (count, 1))
+        state = np.zeros((count, 1)), np.full((count, 1), 0.1), np.ones((count, 1)), np.zeros((count, 1))
+        effect.before_step(Step(*state, lambda name: np.zeros(1), dt[which]), np.arange(count), values[which], memory)
+        return np.column_stack([memory, state[3]])
+
+    together = pushed([0, 1, 2])
+    np.testing.assert_array_equal(together[:1], pushed([0]))
+    np.testing.assert_array_equal(together[1:2], pushed([1]))
+
+
+def test_a_rotor_may_be_heavier_than_what_it_moves() -> None:
+    """On a slide ``dof_invweight0`` knows nothing of the armature."""
+    xml = """<mujoco><worldbody><body><joint name="load" type="slide" axis="1 0 0" armature="5"/>
+    <geom type="box" size=".1 .1 .1" mass="4"/></body></worldbody><actuator><motor joint="load"/></actuator></mujoco>"""
+    effect = SpringyBacklash.at(JOINT, mujoco.MjModel.from_xml_string(xml))
+    assert (effect.rotor, effect.load) == (5.0, pytest.approx(4.0))
+    assert effect.light == pytest.approx(20.0 / 9.0)

@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import dataclasses
+from collections.abc import Sequence
 from typing import Any
 
 import mujoco
 import numpy as np
 
-from torch_activegp.physics import Place
+from torch_activegp.physics import Effect, Place, Step
 
 JOINT = Place("joint:load", 0, position=(-1.0, 1.0))
 ROTOR = 0.02
@@ -57,6 +58,30 @@ def swings(step: float) -> np.ndarray:
     return np.asarray(0.5 * np.sin(1.3 * t + 0.3) + 0.4 * np.sin(0.47 * t))
 
 
+def seen(
+    effect: Effect, values: Sequence[float], control: np.ndarray, xml: str, middle: float = 0.0, start: float = 0.0
+) -> np.ndarray:
+    """What an encoder sees of a joint with an effect in each step of the model, ``(T, 2)``: position and speed."""
+    model, rows, row = mujoco.MjModel.from_xml_string(xml), np.array([0]), np.array([list(values)])
+    data, out, step = mujoco.MjData(model), [], np.array([model.opt.timestep])
+    data.qpos[0] = start
+
+    def field(name: str) -> np.ndarray:
+        return np.asarray(getattr(model, name))[None]
+
+    effect.edit(field, rows, row)
+    memory = effect.memory(np.full((1, 9), start), np.zeros((1, 2), dtype=int), row)
+    for one in control:
+        data.ctrl[:], data.qfrc_applied[:] = one, 0.0
+        state = data.qpos[None], data.qvel[None], data.ctrl[None], data.qfrc_applied[None]
+        effect.before_step(Step(*state, field, step, middle), rows, row, memory)
+        mujoco.mj_step(model, data)
+        qpos, qvel = data.qpos[None].copy(), data.qvel[None].copy()
+        effect.show(qpos, qvel, rows, row, memory)
+        out.append((qpos[0, 0], qvel[0, 0]))
+    return np.array(out)
+
+
 def with_springs(
     gap: float,
     stiffness: float,
@@ -64,8 +89,9 @@ def with_springs(
     control: np.ndarray,
     damped: bool = False,
     begin: tuple[float, float] = (0.0, 0.0),
+    step: float = 0.001,
 ) -> np.ndarray:
-    """The same, ``(T, 2)``, with the ends of the gap by hand in steps of 0.1 ms."""
+    """The same, ``(T, 2)``, with the ends of the gap by hand in steps of 0.1 ms, for controls held for longer ones."""
     rotor = f'<body><joint name="rotor" axis="0 1 0" armature="{ROTOR}"/><geom size=".001" mass="1e-6"/></body>'
     xml = WITH_PLAY.format(step=1e-4, gravity=0.0, armature=0, rotor=rotor, gap="", driven="rotor")
     model = mujoco.MjModel.from_xml_string(with_damped_rotor(xml) if damped else xml)
@@ -73,7 +99,7 @@ def with_springs(
     data.qpos[:] = begin
     seen = []
     for row in control:
-        for _ in range(10):
+        for _ in range(round(step / 1e-4)):
             data.ctrl[:] = row
             twist, faster = data.qpos[1] - data.qpos[0], data.qvel[1] - data.qvel[0]
             push = stiffness * (twist - np.sign(twist) * 0.5 * gap) + damping * faster

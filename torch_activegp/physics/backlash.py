@@ -41,6 +41,8 @@ class Backlash(Effect):
         dt: time between the rows of a recording, s.
         centred: whether the rotor begins a recording in the middle of the gap, at the speed of the joint; else on the
             side where it must push to keep up.
+        on_motor: whether the encoder sits on the motor: then what is recorded of the joint, and so its state as
+            simulations begin and where they are read, is the rotor's, and the joint itself is hidden.
 
     Reference: Stewart and Trinkle 1996, time stepping with contact at the level of velocities.
     """
@@ -53,7 +55,7 @@ class Backlash(Effect):
     drives: tuple[tuple[int, float, float, float], ...] = ()
     dt: float = 0.01
     centred: bool = False
-    seen: bool = False
+    on_motor: bool = False
 
     name = "backlash"
     never_negative = frozenset({"gap"})
@@ -121,7 +123,7 @@ class Backlash(Effect):
         if self.centred:
             memory[:, 1:4] = 0.0
         back = min(int(np.ceil(_BACK / (every * self.dt))), -(-int(starts[:, 1].max()) // every))
-        if past is not None and back and not self.seen:
+        if past is not None and back and not self.on_motor:
             alike = np.column_stack([past.same, starts, values[:, 0]])  # most differ in their initial states alone
             _, one, of = np.unique(alike, axis=0, return_index=True, return_inverse=True)
             control = past.control(one, back * every).reshape(len(one), back, every, -1).mean(axis=2)
@@ -157,7 +159,7 @@ class Backlash(Effect):
         if new.any():
             off, faster, side = self._begin(memory, torque - self.drag * v)
             off, faster = np.where(side != 0.0, side * half, off), np.where(side != 0.0, 0.0, faster)
-            q, v = self._joint_behind(step, rows, new, q, v, off, faster)
+            q = self._joint_behind(step, rows, new, q, off)
             memory[new] = np.stack([q + off, v + faster, v + faster, 0.0 * v, side, 0.0 * v], axis=1)[new]
             inertia, drag = self._on_joint(np.abs(side[new]))
             add_rotor(step.field, rows[new], self.dof, inertia, drag - self.drag)
@@ -177,7 +179,7 @@ class Backlash(Effect):
 
     def show(self, qpos: Array, qvel: Array, rows: Index, values: Array, memory: Array | None) -> None:
         """Puts the rotor in place of the joint where the encoder sits on it."""
-        if self.seen and memory is not None:
+        if self.on_motor and memory is not None:
             q, v = qpos[rows, self.qpos], qvel[rows, self.dof]
             off, speed, _ = self._rotor(q, v, 0.5 * values[:, 0], memory)
             qpos[rows, self.qpos], qvel[rows, self.dof] = q + off, speed
@@ -189,14 +191,12 @@ class Backlash(Effect):
         off = np.where(held, side * half, place + 0.5 * last * (before + free) - q)
         return off, np.where(held, v + apart, free), held
 
-    def _joint_behind(
-        self, step: Step, rows: Index, new: NDArray[np.bool_], q: Array, v: Array, off: Array, faster: Array
-    ) -> tuple[Array, Array]:
-        """Position and speed of the joint as simulations begin, from those of the rotor where the encoder sees that."""
-        if self.seen:
-            q, v = np.where(new, q - off, q), np.where(new, v - faster, v)
-            step.qpos[rows, self.qpos], step.qvel[rows, self.dof] = q, v
-        return q, v
+    def _joint_behind(self, step: Step, rows: Index, new: NDArray[np.bool_], q: Array, off: Array) -> Array:
+        """Position of the joint as simulations begin: it is put behind the rotor where the encoder sees that."""
+        if self.on_motor:
+            q = np.where(new, q - off, q)
+            step.qpos[rows, self.qpos] = q
+        return q
 
     def _on_joint(self, share: Array) -> tuple[Array, Array]:
         """Inertia and damping of a rotor that moves with the joint."""

@@ -180,7 +180,10 @@ class Effect:
         """Adds forces, or changes the model, before each time step."""
 
     def show(self, qpos: Array, qvel: Array, rows: Index, values: Array, memory: Array | None) -> None:
-        """Changes what encoders see of positions ``(R, nq)`` and velocities ``(R, nv)`` after a time step, in place."""
+        """Changes what encoders see of positions ``(R, nq)`` and velocities ``(R, nv)`` at a row, in place.
+
+        Asked where :attr:`needs_steps`, of MuJoCo models alone.
+        """
 
     def memory(self, positions: Array, starts: Array, values: Array) -> Array | None:
         """State of the effect at the start of each simulation; see :mod:`torch_activegp.physics.play`."""

@@ -21,7 +21,7 @@ IMPEDANCE = (0.99, 0.999)
 _BRISTLES = 0.5
 _A_LITTLE = 0.15
 """Share of the first-order friction with which a fit also starts."""
-_STEEPEST = 20.0
+_STEEPEST = 19.0
 """Static friction beyond what slides, over what slides, at most; machines show 0.1 to 2, and more where they slide
 nearly without friction. Static friction alone is no friction."""
 
@@ -127,7 +127,7 @@ class StribeckFriction(DryFriction):
         return -(values[0] + values[1] * np.exp(-((velocity / values[2]) ** 2))) * np.sign(velocity)
 
     def plausible(self, values: Array) -> bool:
-        """Whether there is friction at speed too: nothing sticks many times harder than it slides."""
+        """Whether there is friction at speed too."""
         return bool(values[1] <= _STEEPEST * (self.nominal_loss + values[0]))
 
     def acts(self, values: Array) -> Acting:

@@ -22,8 +22,8 @@ class MotorSideBacklash(RestingBacklash):
 
     @classmethod
     def at(cls, place: Place, model: mujoco.MjModel) -> Self:
-        """Makes the effect for a joint that :meth:`fits`; one that recordings show though they hide the joint."""
-        return dataclasses.replace(super().at(place, model), variant="motor side", stands_in=False, seen=True)
+        """Makes the effect for a joint that :meth:`fits`; it stands in for no other form, which would not show it."""
+        return dataclasses.replace(super().at(place, model), variant="motor side", stands_in=False, on_motor=True)
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
@@ -36,7 +36,7 @@ class MotorSideDampedBacklash(DampedBacklash):
     def at(cls, place: Place, model: mujoco.MjModel) -> Self:
         """Makes the effect for a joint that :meth:`fits`."""
         return dataclasses.replace(
-            super().at(place, model), variant="motor side, damped rotor", centred=False, seen=True
+            super().at(place, model), variant="motor side, damped rotor", centred=False, on_motor=True
         )
 
 
@@ -49,7 +49,9 @@ class MotorSideSpringyBacklash(SpringyBacklash):
     @classmethod
     def at(cls, place: Place, model: mujoco.MjModel) -> Self:
         """Makes the effect for a joint that :meth:`fits`."""
-        return dataclasses.replace(super().at(place, model), variant="motor side, springy", centred=False, seen=True)
+        return dataclasses.replace(
+            super().at(place, model), variant="motor side, springy", centred=False, on_motor=True
+        )
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
@@ -62,7 +64,7 @@ class MotorSideSpringyDampedBacklash(SpringyDampedBacklash):
     def at(cls, place: Place, model: mujoco.MjModel) -> Self:
         """Makes the effect for a joint that :meth:`fits`."""
         return dataclasses.replace(
-            super().at(place, model), variant="motor side, springy, damped rotor", centred=False, seen=True
+            super().at(place, model), variant="motor side, springy, damped rotor", centred=False, on_motor=True
         )
 
 

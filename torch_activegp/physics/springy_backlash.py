@@ -23,6 +23,9 @@ _CLOSE, _PARTS = 0.1, 12
 """Radians of its natural frequency in a part of a time step, and parts at most."""
 _STABLE = 0.5
 """And in the longest part: what is stiffer is simulated so, or it would be unstable."""
+_HEAVY = 1.0
+"""Square of the radians by which ends that hold on to a joint alone would turn it in a whole time step, at most: its
+inertia is that of one pose, and a folded arm has a quarter of that."""
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
@@ -72,54 +75,54 @@ class SpringyBacklash(Backlash):
         return np.array([0.0, self.parameters[1].high, 0.5 * self.parameters[2].high])
 
     def before_step(self, step: Step, rows: Index, values: Array, memory: Array | None) -> None:
-        """Moves the rotor in short steps against a joint that speeds up as in the last step, and pushes the joint."""
+        """Moves the rotor in parts of the step, in which it alone moves the joint, and pushes the joint.
+
+        Its memory is the rotor's position and speed, and the time step, last; the rest serves the first step alone.
+        """
         assert memory is not None
         q, v, dt = step.qpos[rows, self.qpos], step.qvel[rows, self.dof], step.dt[rows]
         torque, half = self._torque(step.ctrl[rows]), 0.5 * values[:, 0]
         new = np.isnan(memory[:, 4])
         if new.any():
             q, v = self._pressed(step, rows, new, values, memory, torque)
-        place, speed, _, _, _, last = memory.T
-        alone = np.where(last > 0.0, (v - memory[:, 2]) / np.where(last > 0.0, last, 1.0), memory[:, 2])
-        alone = alone - memory[:, 3] / self.load
-        count = int(np.clip(np.ceil(dt.max() * np.sqrt(values[:, 1].max() / self.light) / _CLOSE), 1, _PARTS))
-        h = dt / count
-        stiffness = np.minimum(values[:, 1], self.light * (_STABLE / h) ** 2)
+        place, speed, last = memory[:, 0], memory[:, 1], memory[:, 5]
+        parts = np.ceil(np.nan_to_num(dt * np.sqrt(values[:, 1] / self.light) / _CLOSE)).clip(1, _PARTS)
+        h = dt / parts
+        stiffness = np.minimum(values[:, 1], np.minimum(self.light * (_STABLE / h) ** 2, _HEAVY * self.load / dt**2))
         damping = np.minimum(values[:, 2], _STABLE * self.light / h)
         after, faster, face = speed, speed - v, np.zeros_like(v)
-        twist, moved = place - q + (step.middle - 0.5) * dt * faster, np.zeros_like(v)
-        for _ in range(count):
-            off = twist + 0.5 * h * faster
+        behind = 0.0 if step.middle else 0.5 * np.where(last > 0.0, last, dt)  # speeds are of half a step before
+        twist, moved = place - q - behind * faster, np.zeros_like(v)
+        for number in range(int(parts.max())):
+            part = h * (number < parts)  # of no length for those that are done
+            off = twist + 0.5 * part * faster
             side = np.sign(off) * (np.abs(off) > half)
             push = stiffness * (off - side * half) + damping * faster
             touch = np.where(side * push > 0.0, push, 0.0)
-            before, after = after, (after + h * (torque - touch) / self.rotor) / (1.0 + h * self.drag / self.rotor)
-            faster = faster + (after - before) - h * (alone + touch / self.load)
-            twist = off + 0.5 * h * faster
-            moved, face = moved + 0.5 * h * (before + after), face + touch / count
-        memory[:, 0] = place + np.where(step.middle > 0.0, moved, dt * after)
-        memory[:, 1:4] = np.stack([after, v, face], axis=1)
-        memory[:, 5] = dt
+            slow, after = after, (after + part * (torque - touch) / self.rotor) / (1.0 + part * self.drag / self.rotor)
+            faster = faster + (after - slow) - part * touch / self.load
+            twist = off + 0.5 * part * faster
+            moved, face = moved + 0.5 * part * (slow + after), face + part * touch / dt
+        memory[:, 0] = place + (moved if step.middle else dt * after)
+        memory[:, 1], memory[:, 5] = after, dt
         step.force[rows, self.dof] += face - torque
 
     def _pressed(
         self, step: Step, rows: Index, new: NDArray[np.bool_], values: Array, memory: Array, torque: Array
     ) -> tuple[Array, Array]:
-        """Begins with a rotor in flight or pressed against an end; position and speed of the joint behind it."""
+        """Begins with a rotor in flight or pressed against an end; returns position and speed of the joint."""
         q, v, half = step.qpos[rows, self.qpos], step.qvel[rows, self.dof], 0.5 * values[:, 0]
         pushes = torque - self.drag * v
-        acceleration, (off, faster, side) = memory[:, 0].copy(), self._begin(memory, pushes)
-        force = side * np.maximum(side * (pushes - self.rotor * acceleration), 0.0)
-        pressed = side * half + force / np.maximum(values[:, 1], 1e-12)
-        off, faster = np.where(side != 0.0, pressed, off), np.where(side != 0.0, 0.0, faster)
-        q, v = self._joint_behind(step, rows, new, q, v, off, faster)
-        begun = np.stack([q + off, v + faster, acceleration, force, 0.0 * v, 0.0 * v], axis=1)
-        memory[new] = begun[new]
+        acceleration, (off, faster, side) = memory[:, 0], self._begin(memory, pushes)
+        pressed = np.maximum(side * (pushes - self.rotor * acceleration), 0.0) / np.maximum(values[:, 1], 1e-12)
+        off, faster = np.where(side != 0.0, side * (half + pressed), off), np.where(side != 0.0, 0.0, faster)
+        q = self._joint_behind(step, rows, new, q, off)
+        memory[new, 0], memory[new, 1], memory[new, 4:] = (q + off)[new], (v + faster)[new], 0.0
         return q, v
 
     def show(self, qpos: Array, qvel: Array, rows: Index, values: Array, memory: Array | None) -> None:
         """Puts the rotor in place of the joint where the encoder sits on it."""
-        if self.seen and memory is not None:
+        if self.on_motor and memory is not None:
             qpos[rows, self.qpos], qvel[rows, self.dof] = memory[:, 0], memory[:, 1]
 
 

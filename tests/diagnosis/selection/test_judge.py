@@ -197,23 +197,36 @@ def test_a_friction_behind_a_tuning_may_be_one_of_two_levels(bench, monkeypatch)
         assert (two_sided.effects[0].key in judged.ties[0]) is bool(tuned)
 
 
-@pytest.mark.parametrize(("load", "free", "tuned"), [(-0.05, True, True), (0.05, True, False), (-0.05, False, False)])
-def test_a_mass_that_is_too_much_beside_a_tuning_was_tuned(bench, monkeypatch, load, free, tuned) -> None:
-    dry, wet = bench.effect("coulomb_friction"), bench.effect("viscous_friction")
-    mass = bench.effect("payload_mass", "body:rod")
+@pytest.mark.parametrize(
+    ("dry", "load", "tuning", "named"),
+    [
+        (0.1, -0.05, True, {"coulomb_friction"}),
+        (0.1, 0.05, True, {"coulomb_friction", "payload_mass"}),
+        (-0.1, 0.05, True, {"coulomb_friction", "payload_mass"}),  # too much friction is a finding
+        (None, -0.05, True, {"payload_mass"}),  # a tuning of what hides nothing is none
+        (0.1, -0.05, False, {"coulomb_friction", "payload_mass", "viscous_friction"}),
+    ],
+)
+def test_a_mass_that_is_too_much_beside_a_tuning_was_tuned(bench, monkeypatch, dry, load, tuning, named) -> None:
+    values = {
+        bench.effect("coulomb_friction"): dry,
+        bench.effect("viscous_friction"): 0.01,
+        bench.effect("payload_mass", "body:rod"): load,
+    }
+    values = {effect: np.array([value]) for effect, value in values.items() if value is not None}
     best = dataclasses.replace(
-        bench.fit("viscous_friction", 0.05),
-        effects=(dry, wet, mass),
-        values=(np.array([0.1]), np.array([0.01]), np.array([load])),
+        bench.fit("viscous_friction", 0.05), effects=tuple(values), values=tuple(values.values())
     )
-    chosen = selection(bench, best)
-    chosen.score = dataclasses.replace(chosen.score, free=frozenset({wet.key}) if free else frozenset())
-    monkeypatch.setattr("torch_activegp.diagnosis.selection.judge.is_a_tuning", lambda *_: True)
+    asked = []
+    monkeypatch.setattr(
+        "torch_activegp.diagnosis.selection.judge.is_a_tuning", lambda *some: asked.append(some[2]) or tuning
+    )
     monkeypatch.setattr(Selection, "best", best)
     monkeypatch.setattr(Selection, "needs_more_than", lambda *_: False)
-    named, beside = _split(bench.shooting, chosen, ())
-    assert set(beside) == ({wet, mass} if tuned else {wet})
-    assert set(named) == {dry, wet, mass} - set(beside)
+    found, beside = _split(bench.shooting, selection(bench, best), ())
+    assert {effect.name for effect in found} == named
+    assert {*found, *beside} == set(values)
+    assert [[effect.name for effect in some] for some in asked] == [["viscous_friction"]]  # the mass makes none
 
 
 @pytest.mark.parametrize(("part", "verdict"), [(0.9, "unknown"), (1.1, "named")])

@@ -50,7 +50,7 @@ def _hidden_notes(best: Sequence[Effect]) -> list[str]:
         f"{effect.target}: the recordings agree with an encoder on the motor, in front of the gap. States of this "
         "joint in the corrected simulator are the motor's, as recorded."
         for effect in best
-        if isinstance(effect, Backlash) and effect.seen
+        if isinstance(effect, Backlash) and effect.on_motor
     ]
 
 

@@ -231,14 +231,14 @@ def _split(
     best = selection.best
     names = {e.key for fit, _, _ in rivals for e in fit.effects if e.tunable}
     tunable = [e for e in best.effects if e.tunable or names & set(swapped(rivals, best, e))]
-    if selection.score.free and tunable:
-        tunable += [e for e, v in best.by_effect.items() if e not in tunable and e.too_much(v)]
     others = [e for e in best.effects if e not in tunable]
     if not tunable or not others:
         return list(best.effects), ()
-    if is_a_tuning(shooting, selection, tunable, others, selection.needs_more_than(MAX_EFFECTS)):
-        return others, tuple(tunable)
-    return list(best.effects), ()
+    if not is_a_tuning(shooting, selection, tunable, others, selection.needs_more_than(MAX_EFFECTS)):
+        return list(best.effects), ()
+    heavy = [e for e in others if "mass" in e.losses and e.too_much(best.by_effect[e])]
+    named = [e for e in others if e not in heavy] or others
+    return named, tuple(e for e in best.effects if e not in named)
 
 
 def _shares(

@@ -21,7 +21,7 @@ from torch_activegp.errors import ConfigurationError, DataError
 from torch_activegp.physics.effect import Effect
 from torch_activegp.simulators import Simulator
 
-_HEADER = b"torch_activegp corrected simulator 1\n"
+_HEADER = b"torch_activegp corrected simulator 2\n"
 _OURS = "torch_activegp."
 _PROTOCOL = 4
 _UNFIT = (pickle.PickleError, EOFError, AttributeError, ImportError, IndexError, TypeError, ValueError)

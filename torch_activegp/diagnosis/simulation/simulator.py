@@ -29,7 +29,7 @@ _logger = logging.getLogger(__name__)
 class EffectSimulator(Simulator):
     """A MuJoCo model with effects that MJCF cannot hold; state (qpos, qvel), action ctrl.
 
-    It is stepped like a candidate of the diagnosis. What the state cannot hold (a delayed control, the load side of a
+    It is stepped like a candidate of the diagnosis. What the state cannot hold (a delayed control, the far side of a
     backlash) lives through one ``rollout``, which begins as a recording does, and starts anew at each ``step``, with a
     rotor where it pushes. Effects on sensors change recordings, not the motion, and do nothing here.
 
