@@ -7,65 +7,46 @@ from typing import Self
 
 import mujoco
 
-from torch_activegp.physics.backlash import Backlash, DampedBacklash, RestingBacklash
+from torch_activegp.physics.backlash import Backlash, DampedBacklash
 from torch_activegp.physics.place import Place
 from torch_activegp.physics.springy_backlash import SpringyBacklash, SpringyDampedBacklash
 
 _LAW = "; the encoder sits on the motor"
 
 
-@dataclasses.dataclass(frozen=True, eq=False)
-class MotorSideBacklash(RestingBacklash):
-    """Backlash behind the encoder of a motor; the motor begins on the side where it must push."""
-
-    law = RestingBacklash.law + _LAW
+class _MotorSide(Backlash):
+    """Any form of backlash behind the encoder of a motor, which begins on the side where it must push."""
 
     @classmethod
     def at(cls, place: Place, model: mujoco.MjModel) -> Self:
-        """Makes the effect for a joint that :meth:`fits`; it stands in for no other form, which would not show it."""
-        return dataclasses.replace(super().at(place, model), variant="motor side", stands_in=False, on_motor=True)
+        """Makes the effect for a joint that :meth:`fits`."""
+        made = super().at(place, model)
+        variant = ", ".join(filter(None, ("motor side", made.variant)))
+        return dataclasses.replace(made, variant=variant, centred=False, on_motor=True)
 
 
-@dataclasses.dataclass(frozen=True, eq=False)
-class MotorSideDampedBacklash(DampedBacklash):
+class MotorSideBacklash(_MotorSide):
+    """Backlash behind the encoder of a motor; it stands in for no other form, which would not show it."""
+
+    law = Backlash.law + _LAW
+
+
+class MotorSideDampedBacklash(_MotorSide, DampedBacklash):
     """The same where the joint's damping is that of the motor and its gears."""
 
     law = DampedBacklash.law + _LAW
 
-    @classmethod
-    def at(cls, place: Place, model: mujoco.MjModel) -> Self:
-        """Makes the effect for a joint that :meth:`fits`."""
-        return dataclasses.replace(
-            super().at(place, model), variant="motor side, damped rotor", centred=False, on_motor=True
-        )
 
-
-@dataclasses.dataclass(frozen=True, eq=False)
-class MotorSideSpringyBacklash(SpringyBacklash):
+class MotorSideSpringyBacklash(_MotorSide, SpringyBacklash):
     """The same with ends that give way."""
 
     law = SpringyBacklash.law + _LAW
 
-    @classmethod
-    def at(cls, place: Place, model: mujoco.MjModel) -> Self:
-        """Makes the effect for a joint that :meth:`fits`."""
-        return dataclasses.replace(
-            super().at(place, model), variant="motor side, springy", centred=False, on_motor=True
-        )
 
-
-@dataclasses.dataclass(frozen=True, eq=False)
-class MotorSideSpringyDampedBacklash(SpringyDampedBacklash):
+class MotorSideSpringyDampedBacklash(_MotorSide, SpringyDampedBacklash):
     """The same with ends that give way, where the joint's damping is the rotor's."""
 
     law = SpringyDampedBacklash.law + _LAW
-
-    @classmethod
-    def at(cls, place: Place, model: mujoco.MjModel) -> Self:
-        """Makes the effect for a joint that :meth:`fits`."""
-        return dataclasses.replace(
-            super().at(place, model), variant="motor side, springy, damped rotor", centred=False, on_motor=True
-        )
 
 
 MOTOR_SIDE: tuple[type[Backlash], ...] = (
