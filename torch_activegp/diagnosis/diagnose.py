@@ -192,7 +192,7 @@ def _report(
         "notes": [
             *machine.notes,
             *late,
-            *search_notes(explanation, machine.model),
+            *search_notes(explanation, machine.model, chosen.effects),
             *_remainder_note(outcome),
             *verdict.notes,
         ],

@@ -232,3 +232,22 @@ def test_only_steps_of_runge_kutta_are_made_longer(bench, clean) -> None:
     assert fine.in_longer_steps(0.0001, 0.005) is fine
     other = Engine(model, channels, 8, 1, int(mujoco.mjtIntegrator.mjINT_EULER))
     assert other.in_longer_steps(0.00125, 0.005) is other
+
+
+@pytest.mark.parametrize("lost", [False, True])
+def test_a_first_speed_that_was_smoothed_wrongly_is_not_the_guess(bench, truth, lost: bool) -> None:
+    """By a coarse clock the smoothed recording begins at any speed: a line through the first recorded rows is tried."""
+    run, whole = bench.machine.holdout[0], cut([bench.machine.holdout[0]], 1e9, PAD)
+    begin = forecast._Beginnings(bench.engine, bench.shooting.noise, [NOMINAL, truth], 0.01)
+    recorded, position = np.ones(len(run), dtype=bool), run.position.copy()
+    if lost:  # rows of which nothing is known are on no line
+        recorded[1:3], position[1:3] = False, position[1:3] + 100.0
+    wrong = dataclasses.replace(run, position=position, recorded=recorded, velocity=run.velocity + 300.0)
+    right = bench.engine.starts(whole)
+    found = begin.guess(cut([wrong], 1e9, PAD))
+    assert found.shape == (2, 1, 2)
+    np.testing.assert_allclose(found[..., 1], right[0, 1], atol=0.5)
+    np.testing.assert_allclose(found[..., 0], right[0, 0], atol=0.05)
+    shooting = Shooting(bench.engine, whole, bench.shooting.noise)
+    both = [forecast._chi2(shooting, [NOMINAL, truth], some) for some in (begin.guess(whole), np.stack([right] * 2))]
+    assert (both[0] <= both[1]).all()

@@ -13,11 +13,11 @@ from torch_activegp.diagnosis.shooting.score import Score
 def test_nothing_is_said_of_a_search_as_it_should_be_and_all_that_is_not(bench) -> None:
     selection = Selection(bench.nominal, [bench.nominal], Score(bench.shooting.samples, 5, 1.0))
     plain = Explanation(bench.engine, bench.shooting, selection, (), fine=False)
-    assert search_notes(plain, bench.machine.model) == []
+    assert search_notes(plain, bench.machine.model, ()) == []
     some = bench.shooting.pick(np.arange(0, bench.segments.size, 2))
     short = dataclasses.replace(selection, cut_short=True)
     found = Explanation(bench.engine, some, short, (), fine=True, firm=True)
-    numerics, part, end = search_notes(found, bench.machine.model)
+    numerics, part, end = search_notes(found, bench.machine.model, ())
     own = f"as it stands (by Runge-Kutta in steps of {bench.machine.model.opt.timestep:g} s)"
     assert own in numerics
     assert "by Runge-Kutta in steps of 0.005 s" in numerics
@@ -31,7 +31,8 @@ def test_what_was_not_sought_on_a_joint_that_does_not_turn_back_is_told(bench) -
 
     def notes(*lacking: str) -> list[str]:
         effects = tuple(effect for effect in bench.effects if effect.name not in lacking)
-        return search_notes(Explanation(bench.engine, bench.shooting, selection, effects, False), bench.machine.model)
+        found = Explanation(bench.engine, bench.shooting, selection, effects, False)
+        return search_notes(found, bench.machine.model, ())
 
     assert notes() == []
     (both,) = notes("hysteresis", "asymmetric_friction")
@@ -46,5 +47,6 @@ def test_an_encoder_that_turns_out_to_sit_on_the_motor_is_told(bench) -> None:
         fit = dataclasses.replace(bench.nominal, effects=(play,), values=(np.array([0.1]),), chi2=0.0)
         selection = Selection(bench.nominal, [bench.nominal, fit], Score(bench.shooting.samples, 5, 1.0))
         found = Explanation(bench.engine, bench.shooting, selection, tuple(bench.effects), False)
-        notes = search_notes(found, bench.machine.model)
+        notes = search_notes(found, bench.machine.model, fit.effects)
         assert [note.startswith("joint:hip: the recordings agree with an encoder") for note in notes] == [True] * told
+        assert search_notes(found, bench.machine.model, ()) == []  # the best set, but nothing is named

@@ -42,6 +42,7 @@ def test_names_in_brief_pieces_that_leave_too_much_lead_nowhere(bench, monkeypat
     found = in_brief_pieces(bench.machine, Numerics.of(bench.machine, 1), noise, effects, lambda _: None)
     assert found is not None
     assert bool(found.sets) == named
+    assert [[effect.key for effect in some] for some, _ in found.aside] == [[effects[0].key]] * (not named)
 
 
 @pytest.mark.parametrize("far", [True, False])

@@ -31,25 +31,26 @@ _CUT_SHORT = (
 )
 
 
-def search_notes(explanation: Explanation, model: mujoco.MjModel) -> list[str]:
+def search_notes(explanation: Explanation, model: mujoco.MjModel, corrected: Sequence[Effect]) -> list[str]:
     """What to know of the numerics, of the part of the data that was used, and of a search that was cut short.
 
     Args:
         explanation: what was found, and how.
         model: as it was given, with its own integrator.
+        corrected: the effects that the correction holds, none where nothing is named.
     """
     cut_short = [_CUT_SHORT] if explanation.selection.cut_short else []
     part = _part_note(explanation.shooting.segments)
-    hidden = _hidden_notes(explanation.selection.best.effects)
+    hidden = _hidden_notes(corrected)
     return [*_numerics_note(explanation, model), *part, *cut_short, *hidden, *_one_way_notes(explanation.effects)]
 
 
-def _hidden_notes(best: Sequence[Effect]) -> list[str]:
+def _hidden_notes(corrected: Sequence[Effect]) -> list[str]:
     """Joints whose recordings turned out to be of their motors."""
     return [
         f"{effect.target}: the recordings agree with an encoder on the motor, in front of the gap. States of this "
         "joint in the corrected simulator are the motor's, as recorded."
-        for effect in best
+        for effect in corrected
         if isinstance(effect, Backlash) and effect.on_motor
     ]
 

@@ -187,7 +187,8 @@ def _start(
         if longer or (new and not astray):
             sought, only = ([], None) if astray else (sets, None if new else engine)
             engine, shooting, nominal, judged = numerics.choose(used, noise, nominal, nominal, sought, only=only)
-    rest = besides(sets[: 1 if naming.in_vain else None], judged)
+    aside = hint.yet_to_try(judged, shooting) if hint is not None else []
+    rest = besides([*sets[: 1 if naming.in_vain else None], *aside], judged)
     depth = _NO_FURTHER if naming.in_vain else _WHOLE
     return _Start(engine, shooting, nominal, rest, judged, naming.free, noise, depth)
 
