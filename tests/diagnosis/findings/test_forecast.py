@@ -246,6 +246,10 @@ def test_a_first_speed_that_was_smoothed_wrongly_is_not_the_guess(bench, truth, 
     right = bench.engine.starts(whole)
     found = begin.guess(cut([wrong], 1e9, PAD))
     assert found.shape == (2, 1, 2)
+    after = np.arange(len(run)) >= 5  # which a forecast of them must not see
+    unseen = dataclasses.replace(wrong, position=np.where(after[:, None], 50.0, position))
+    head = dataclasses.replace(cut([unseen], 1e9, PAD), counts=~after[None])
+    np.testing.assert_allclose(forecast._along_lines(bench.engine, head)[0], right[0], atol=0.5)
     np.testing.assert_allclose(found[..., 1], right[0, 1], atol=0.5)
     np.testing.assert_allclose(found[..., 0], right[0, 0], atol=0.05)
     shooting = Shooting(bench.engine, whole, bench.shooting.noise)

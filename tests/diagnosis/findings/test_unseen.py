@@ -41,13 +41,23 @@ def test_what_leaves_much_more_than_noise_and_is_little_better_is_refuted(bench,
 
 @pytest.mark.parametrize(
     ("free", "step", "lost"),
-    [((30.0, 9.0), (40.0, 10.0), False), ((30.0, 9.0), (40.0, 11.0), True), ((4.0, 6.0), (40.0, 9.0), True)],
+    [
+        ((30.0, 9.0), (40.0, 10.0), False),
+        ((30.0, 9.0), (40.0, 11.0), True),
+        ((30.0, 16.0), (40.0, 9.0), True),
+        ((4.0, 6.0), (40.0, 9.0), True),
+        ((30.0, 9.0), (1e9, 9.0), True),  # a simulation that failed without them
+    ],
 )
 def test_a_free_run_that_is_lost_refutes_no_names_that_see_well_ahead(bench, free, step, lost: bool) -> None:
     """What nothing holds goes far by little, in a while. Names with which it is worse are refuted all the same."""
     runs, start = bench.machine.holdout, bench.engine.starts(bench.segments)[:1]
-    why = refutation(said(*free, runs[0].label, step), bench.engine, NOMINAL, runs, start.tolist())
+    held_out = said(*free, runs[0].label, step)
+    why = refutation(held_out, bench.engine, NOMINAL, runs, start.tolist())
     assert (why is not None) is lost
+    other = said(20.0, 19.0, runs[0].label, (9.0, 9.0))  # a joint that does not speaks against them
+    both = {"runs": [*held_out["runs"], *other["runs"]]}
+    assert refutation(both, bench.engine, NOMINAL, runs, start.tolist()) is not None
 
 
 @pytest.mark.parametrize(

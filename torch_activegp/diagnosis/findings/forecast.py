@@ -25,9 +25,9 @@ SEEN = 0.4
 step from: their velocities make errors several times the noise, behind which no correction shows."""
 _SEEN_ROWS = 6
 _BRIEFLY = 0.02
-"""Along a line through the first rows, and so much of a run, s, a guess of its initial state leads: by a clock that is
-0.1 ms off a motor at 127 rad/s began at 27 rad/s in the smoothed recording, and no fit found back. With the right
-friction its free run was 2.7 of the motion away, for 0.08."""
+"""Along a line through the first six rows at least, and so much of a run, s, a guess of its initial state leads: by
+time stamps that are 0.1 ms off a motor at 127 rad/s began at 27 rad/s in the smoothed recording, and no fit found
+back. With the right friction its free run was 2.7 of the motion away, for 0.08."""
 _EVERY = 0.5
 PAD = 0.1
 """At the beginning of each run it is simulated and counts for nothing, s: what a delay remembers is not recorded."""
@@ -187,10 +187,10 @@ def _followed(begin: _Beginnings, runs: Sequence[Run], lengths: Sequence[float])
     """
     whole = cut(runs, 1e9, PAD)
     shooting = Shooting(begin.engine, whole, begin.noise)
-    starts = begin.guess(whole)
-    for length in lengths:
-        pieces = cut(runs, length, PAD)
-        heads = pieces.pick(np.flatnonzero(pieces.first == 0))
+    pieces = [cut(runs, length, PAD) for length in lengths]
+    beginnings = [some.pick(np.flatnonzero(some.first == 0)) for some in pieces]
+    starts = begin.guess(beginnings[0])
+    for heads in beginnings:
         starts = _better(shooting, begin.candidates, begin.fit(heads, starts), starts)
     ended = begin.fit(whole, starts)
     return ended, _chi2(shooting, begin.candidates, ended)
@@ -202,7 +202,8 @@ def _along_lines(engine: Engine, segments: Segments) -> Array:
     clock = np.cumsum(np.pad(segments.dt, ((0, 0), (1, 0))), axis=1)
     for s, time in enumerate(clock):
         run = segments.runs[segments.run[s]]
-        rows = np.flatnonzero(run.counted[segments.first[s] :][: len(time)])
+        seen = np.flatnonzero(segments.counts[s]).max(initial=0) + 1  # and of the run before, what is not scored
+        rows = np.flatnonzero(run.counted[segments.first[s] :][:seen])
         rows = rows[: max(int(np.searchsorted(time[rows], _BRIEFLY)), _SEEN_ROWS)]
         if len(rows) > 1:
             slope, value = np.polyfit(time[rows], segments.position[s, rows], 1)
