@@ -63,10 +63,7 @@ def refutation(
         return None
 
     for kind, what in (("free_run", "free runs"), ("one_step", "forecasts by one step")):
-        before, after, noise = (
-            float(np.sqrt(np.mean([entry[kind][name] ** 2 for entry in entries])))
-            for name in ("before", "after", "noise")
-        )
+        before, after, noise = _rms(entries, kind)
         far = f"not the held-out ones: {what} with them are off by {after:.3g} of the motion"
         sees = after <= HALF * before and _see_ahead(entries)
         if kind == "free_run" and after > LOST * noise and after > NO_BETTER * before and not sees:
@@ -76,11 +73,22 @@ def refutation(
     return None
 
 
+def _rms(entries: Sequence[Mapping[str, Any]], kind: str) -> tuple[float, float, float]:
+    """Errors without names and with them, and the noise, over some entries."""
+    before, after, noise = (
+        float(np.sqrt(np.mean([entry[kind][name] ** 2 for entry in entries]))) for name in ("before", "after", "noise")
+    )
+    return before, after, noise
+
+
 def _see_ahead(entries: Sequence[Mapping[str, Any]]) -> bool:
-    """Whether all joints whose free runs are lost are forecast far better by one step, in each run."""
-    lost = [entry for entry in entries if entry["free_run"]["after"] > NO_BETTER * entry["free_run"]["before"]]
-    steps = [(entry["one_step"]["before"], entry["one_step"]["after"]) for entry in lost]
-    return bool(steps) and all(0.0 < before < FAILED and after <= NO_BETTER * before for before, after in steps)
+    """Whether each joint whose free runs are lost is forecast far better by one step."""
+    joints = dict.fromkeys(entry["channel"] for entry in entries)
+    own = [[entry for entry in entries if entry["channel"] == joint] for joint in joints]
+    lost = [some for some in own if (free := _rms(some, "free_run"))[1] > NO_BETTER * free[0]]
+    sound = all(0.0 < entry["one_step"]["before"] < FAILED for some in lost for entry in some)
+    steps = [_rms(some, "one_step") for some in lost]
+    return bool(steps) and sound and all(after <= NO_BETTER * before for before, after, _ in steps)
 
 
 def reservation(doubts: Sequence[str], left: float) -> str | None:
