@@ -249,9 +249,20 @@ def test_a_first_speed_that_was_smoothed_wrongly_is_not_the_guess(bench, truth, 
     after = np.arange(len(run)) >= 5  # which a forecast of them must not see
     unseen = dataclasses.replace(wrong, position=np.where(after[:, None], 50.0, position))
     head = dataclasses.replace(cut([unseen], 1e9, PAD), counts=~after[None])
-    np.testing.assert_allclose(forecast._along_lines(bench.engine, head)[0], right[0], atol=0.5)
+    along = forecast._along_lines(bench.engine, head, bench.engine.starts(head))
+    np.testing.assert_allclose(along[0], right[0], atol=0.5)
     np.testing.assert_allclose(found[..., 1], right[0, 1], atol=0.5)
     np.testing.assert_allclose(found[..., 0], right[0, 0], atol=0.05)
     shooting = Shooting(bench.engine, whole, bench.shooting.noise)
     both = [forecast._chi2(shooting, [NOMINAL, truth], some) for some in (begin.guess(whole), np.stack([right] * 2))]
     assert (both[0] <= both[1]).all()
+
+
+def test_forecasts_begin_with_that_guess(bench, truth, monkeypatch) -> None:
+    """Without a step of the fit they end where they began."""
+    monkeypatch.setattr(forecast, "_ROUNDS", 1)
+    run, noise = bench.machine.holdout[0], bench.shooting.noise
+    wrong = dataclasses.replace(run, velocity=run.velocity + 300.0)
+    assert np.abs(one_step(bench.engine, [truth], [wrong], noise)[0][0]).max() < 1.0
+    ((positions, _),) = free_run(bench.engine, [truth], [wrong], noise)[0]
+    assert np.abs(positions - run.position).max() < 1.0

@@ -45,6 +45,14 @@ def test_names_in_brief_pieces_that_leave_too_much_lead_nowhere(bench, monkeypat
     assert [[effect.key for effect in some] for some, _ in found.aside] == [[effects[0].key]] * (not named)
 
 
+@pytest.mark.parametrize(("times", "tried"), [(9.9, False), (10.1, True)])
+def test_what_was_put_aside_is_tried_where_all_since_leaves_as_much(bench, times: float, tried: bool) -> None:
+    sets = [((bench.effect("viscous_friction"),), (np.array([0.05]),))]
+    naming = Naming(bench.engine, bench.shooting, bench.nominal, bench.nominal, aside=sets)
+    judged = dataclasses.replace(bench.nominal, chi2=times * bench.shooting.dof)
+    assert naming.yet_to_try(judged, bench.shooting) == (sets if tried else [])
+
+
 @pytest.mark.parametrize("far", [True, False])
 def test_names_from_brief_pieces_lead_on_where_the_nominal_is_far_off(bench, monkeypatch, far) -> None:
     """They need not be the right ones: here the mismatch is too small for so brief a look."""

@@ -147,10 +147,9 @@ class _Beginnings:
 
     def guess(self, segments: Segments) -> Array:
         """First guesses ``(N, S, nq + nv)``: the smoothed recording or lines, whichever leads on better."""
-        shape = (len(self.candidates), segments.size, self.engine.state_size)
-        smooth, lines = self.engine.starts(segments), _along_lines(self.engine, segments)
-        ways = (np.broadcast_to(some, shape) for some in (smooth, lines))
-        return _better(Shooting(self.engine, segments, self.noise), self.candidates, *ways)
+        smooth, count = self.engine.starts(segments), len(self.candidates)
+        both = [np.stack([some] * count) for some in (smooth, _along_lines(self.engine, segments, smooth))]
+        return _better(Shooting(self.engine, segments, self.noise), self.candidates, *both)
 
     def fit(self, segments: Segments, starts: Array) -> Array:
         """Initial states ``(N, S, nq + nv)``, from first guesses, one for all candidates or one for each."""
@@ -196,9 +195,9 @@ def _followed(begin: _Beginnings, runs: Sequence[Run], lengths: Sequence[float])
     return ended, _chi2(shooting, begin.candidates, ended)
 
 
-def _along_lines(engine: Engine, segments: Segments) -> Array:
-    """Initial states ``(S, nq + nv)``: of the recorded joints where lines through their first rows put them."""
-    states, channels = engine.starts(segments), engine.channels
+def _along_lines(engine: Engine, segments: Segments, smooth: Array) -> Array:
+    """Initial states ``(S, nq + nv)`` with the recorded joints where lines through their first rows put them."""
+    states, channels = smooth.copy(), engine.channels
     clock = np.cumsum(np.pad(segments.dt, ((0, 0), (1, 0))), axis=1)
     for s, time in enumerate(clock):
         run = segments.runs[segments.run[s]]
@@ -264,8 +263,8 @@ def compare(
             entry: dict[str, Any] = {"run": run.label, "channel": f"qpos.{joint}", "one_step": {}, "free_run": {}}
             for name in models:
                 far = run.position[scored, c] - frees[name][0][scored, c]
-                entry["one_step"][name] = _rms(ahead[name][number][:, c] / spread[c])
-                entry["free_run"][name] = _rms(far / spread[c])
+                entry["one_step"][name] = rms(ahead[name][number][:, c] / spread[c])
+                entry["free_run"][name] = rms(far / spread[c])
             for kind in ("one_step", "free_run"):
                 entry[kind]["noise"] = float(noise.scale[c] / spread[c])
             entries.append(entry)
@@ -273,7 +272,7 @@ def compare(
             traces.append(_trace(run, c, f"qpos.{joint}", units[c], frees, float(noise.scale[c])))
     counting = [entry for entry, counts in zip(entries, counted, strict=True) if counts] or entries
     overall: dict[str, Any] = {
-        kind: {name: _rms(np.array([entry[kind][name] for entry in counting])) for name in (*models, "noise")}
+        kind: {name: rms(np.array([entry[kind][name] for entry in counting])) for name in (*models, "noise")}
         for kind in ("one_step", "free_run")
     }
     overall["runs"] = entries
@@ -281,7 +280,8 @@ def compare(
     return overall, traces
 
 
-def _rms(values: Array) -> float:
+def rms(values: Array) -> float:
+    """Root mean square of errors, at most :data:`FAILED`."""
     value = float(np.sqrt(np.mean(values**2)))
     return min(value, FAILED) if np.isfinite(value) else FAILED
 

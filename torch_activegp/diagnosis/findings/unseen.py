@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from torch_activegp.diagnosis.findings.forecast import FAILED
+from torch_activegp.diagnosis.findings.forecast import FAILED, rms
 from torch_activegp.diagnosis.findings.verdict import Verdict
 from torch_activegp.diagnosis.inputs.runs import Array, Run
 from torch_activegp.diagnosis.inputs.segments import lay
@@ -61,22 +61,21 @@ def refutation(
     entries = [entry for entry in holdout["runs"] if entry["run"] in known]
     if not entries:
         return None
-
     for kind, what in (("free_run", "free runs"), ("one_step", "forecasts by one step")):
-        before, after, noise = _rms(entries, kind)
+        before, after, noise = _errors(entries, kind)
         far = f"not the held-out ones: {what} with them are off by {after:.3g} of the motion"
-        sees = after <= HALF * before and _see_ahead(entries)
-        if kind == "free_run" and after > LOST * noise and after > NO_BETTER * before and not sees:
+        lost = kind == "free_run" and after > LOST * noise and after > NO_BETTER * before
+        if lost and not (after <= HALF * before and _see_ahead(entries)):
             return f"{far}, {after / noise:.0f} times the noise"
         if after > WORSE * before and after > SEEN * noise:
             return f"{far}, and by {before:.3g} without"
     return None
 
 
-def _rms(entries: Sequence[Mapping[str, Any]], kind: str) -> tuple[float, float, float]:
+def _errors(entries: Sequence[Mapping[str, Any]], kind: str) -> tuple[float, float, float]:
     """Errors without names and with them, and the noise, over some entries."""
     before, after, noise = (
-        float(np.sqrt(np.mean([entry[kind][name] ** 2 for entry in entries]))) for name in ("before", "after", "noise")
+        rms(np.array([entry[kind][name] for entry in entries])) for name in ("before", "after", "noise")
     )
     return before, after, noise
 
@@ -85,9 +84,9 @@ def _see_ahead(entries: Sequence[Mapping[str, Any]]) -> bool:
     """Whether each joint whose free runs are lost is forecast far better by one step."""
     joints = dict.fromkeys(entry["channel"] for entry in entries)
     own = [[entry for entry in entries if entry["channel"] == joint] for joint in joints]
-    lost = [some for some in own if (free := _rms(some, "free_run"))[1] > NO_BETTER * free[0]]
+    lost = [some for some in own if (free := _errors(some, "free_run"))[1] > NO_BETTER * free[0]]
     sound = all(0.0 < entry["one_step"]["before"] < FAILED for some in lost for entry in some)
-    steps = [_rms(some, "one_step") for some in lost]
+    steps = [_errors(some, "one_step") for some in lost]
     return bool(steps) and sound and all(after <= NO_BETTER * before for before, after, _ in steps)
 
 
