@@ -10,6 +10,7 @@ from threadpoolctl import threadpool_limits
 
 from torch_activegp.data import Recording
 from torch_activegp.diagnosis.checkpoint import Checkpoint
+from torch_activegp.diagnosis.findings.doubts import reservation
 from torch_activegp.diagnosis.findings.entries import named_effects, recording_entries, retuned_entries, rival_entries
 from torch_activegp.diagnosis.findings.evidence import laws, map_region, map_time
 from torch_activegp.diagnosis.findings.forecast import compare
@@ -18,7 +19,7 @@ from torch_activegp.diagnosis.findings.locate import entries, locate, somewhere
 from torch_activegp.diagnosis.findings.notes import search_notes
 from torch_activegp.diagnosis.findings.proposal import propose
 from torch_activegp.diagnosis.findings.remainder import Outcome, model_remainder
-from torch_activegp.diagnosis.findings.unseen import refutation, reservation, taken_back
+from torch_activegp.diagnosis.findings.unseen import refutation, taken_back
 from torch_activegp.diagnosis.findings.verdict import Verdict, decide
 from torch_activegp.diagnosis.findings.words import sentence
 from torch_activegp.diagnosis.inputs.blackbox import accelerations
@@ -146,7 +147,7 @@ def _report(
     holdout, traces = compare(models, machine.holdout, machine.channels.joints, shooting.noise)
     if chosen.effects:
         starts = [trace["start_after"] for trace in traces[:: len(machine.channels.joints)]]
-        doubt = reservation(machine.doubts, chosen.chi2 / shooting.dof)
+        doubt = reservation(shooting, chosen, machine.doubts)
         why = doubt or refutation(holdout, engine, chosen.candidate, machine.holdout, starts)
         if why is not None:
             verdict = taken_back(verdict, why)

@@ -8,7 +8,7 @@ import pytest
 
 from torch_activegp.data import Recording
 from torch_activegp.diagnosis import diagnose
-from torch_activegp.diagnosis.findings.unseen import is_predictable, refutation, reservation, taken_back
+from torch_activegp.diagnosis.findings.unseen import is_predictable, refutation, taken_back
 from torch_activegp.diagnosis.findings.verdict import decide
 from torch_activegp.diagnosis.inputs.machine import Machine, make_machine
 from torch_activegp.diagnosis.selection.compared import Selection
@@ -119,17 +119,3 @@ def test_names_that_do_not_hold_for_other_runs_are_not_given(bench, record) -> N
     assert any("explain these recordings best, but not the held-out ones" in note for note in found.details["notes"])
     assert found.details["fit"]["holdout"]["free_run"]["after"] == found.details["fit"]["holdout"]["free_run"]["before"]
     assert dataclasses.asdict(good.effects[0])["name"] == "viscous_friction"
-
-
-def test_names_that_leave_much_of_doubtful_recordings_are_not_given(record, model) -> None:
-    """A motor's controls that are recorded a hundred times too large: no name may stand for that."""
-    assert reservation((), 1e6) is None
-    assert reservation(("Column `ctrl.drive`: ...",), 20.0) is None
-    assert "640" in str(reservation(("Column `ctrl.drive`: ...",), 640.0))
-    runs = []
-    for seed in range(4):
-        run = record("none", seed)
-        runs.append(record("none", seed, ctrl__drive=100.0 * run["ctrl.drive"].numpy()))
-    found = diagnose(model, runs, nthread=1)
-    assert found.verdict == "unknown"
-    assert "Check the recordings first: Column `ctrl.drive`" in found.sentence

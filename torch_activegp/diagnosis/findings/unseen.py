@@ -26,9 +26,6 @@ sets never did. A friction that grows with the load was a damping, a gain and a 
 2.7 of the noise in free runs; a pocket of negative damping was a cogging, with 1.07 and 1.4 after one step."""
 HALF = 0.5
 """Part of the error without names that a free run may leave where one step ahead shows that they are right."""
-MUCH_LEFT = 100.0
-"""Times the noise, in chi2 per degree of freedom, that names may leave where a column is doubted: the best ones of a
-real pendulum left 20 of a noise of 0.02 mrad, wrong ones beside two controls in another unit 640000."""
 _NUDGE, _GROWS, _BEGINS = 1e-5, 100.0, 4
 """Where so small a change of the state grows so much, from one of so many begins, no simulator forecasts the run, and
 it tells nothing."""
@@ -90,21 +87,6 @@ def _see_ahead(entries: Sequence[Mapping[str, Any]]) -> bool:
     return bool(steps) and sound and all(after <= NO_BETTER * before for before, after, _ in steps)
 
 
-def reservation(doubts: Sequence[str], left: float) -> str | None:
-    """What a doubted column says against names that leave much, in words; None where nothing.
-
-    Controls in another unit, a hundred times too large, were a payload of four times the arm and a sensor gain at its
-    limit: "explaining 100 %" of a mismatch so large that what was left was 640000 times the noise.
-
-    Args:
-        doubts: of the recordings, in sentences.
-        left: chi2 per degree of freedom behind the names.
-    """
-    if not doubts or left < MUCH_LEFT:
-        return None
-    return f"leave {left:.3g} times the noise (chi2 per dof), and a column is in doubt"
-
-
 def is_predictable(engine: Engine, candidate: Candidate, runs: Sequence[Run], starts: Array) -> NDArray[np.bool_]:
     """Whether a small change of any position or speed stays small until the end of a run, ``(S,)``.
 
@@ -133,7 +115,8 @@ def taken_back(verdict: Verdict, why: str) -> Verdict:
 
     Args:
         verdict: with names.
-        why: what :func:`refutation` or :func:`reservation` says.
+        why: what :func:`refutation` says, or
+            :func:`~torch_activegp.diagnosis.findings.doubts.reservation`.
     """
     names = " and ".join(f"{effect.name} at {effect.target}" for effect in verdict.judgement.named)
     note = f"{names} would explain these recordings best, but {why}. Nothing is named."

@@ -1,0 +1,56 @@
+from __future__ import annotations
+
+import dataclasses
+
+import numpy as np
+import pytest
+
+from torch_activegp.diagnosis import diagnose
+from torch_activegp.diagnosis.findings.doubts import LEAST_SKILL, MUCH_LEFT, reservation, straight_lines
+
+DOUBT = ("Column `ctrl.drive`: ...",)
+
+
+@pytest.fixture(scope="module")
+def quiet(bench):
+    """The likelihood of a recorder with a thousandth of the noise, by which straight lines leave much."""
+    noise = dataclasses.replace(bench.shooting.noise, scale=1e-3 * bench.shooting.noise.scale)
+    return dataclasses.replace(bench.shooting, noise=noise)
+
+
+def test_straight_lines_are_fitted_to_each_joint_of_each_segment(quiet) -> None:
+    segments, left = quiet.segments, 0.0
+    for position, counts, dt in zip(segments.position, segments.counts, segments.dt, strict=True):
+        time = np.concatenate([[0.0], np.cumsum(dt)])[counts]
+        for channel, scale in zip(position[counts].T, quiet.noise.scale, strict=True):
+            off = channel - np.polyval(np.polyfit(time, channel, 1), time)
+            left += float((off**2).sum()) / scale**2
+    assert straight_lines(quiet) == pytest.approx(left, rel=1e-6)
+    shifted = dataclasses.replace(quiet, offset=np.ones_like(segments.position) * segments.position)
+    assert straight_lines(shifted) == pytest.approx(
+        left, rel=1e-6
+    )  # what a simulation is corrected by is none of theirs
+
+
+@pytest.mark.parametrize(("skill", "given"), [(0.9, True), (1.1, False)])
+def test_names_that_leave_as_much_as_straight_lines_are_not_given(quiet, bench, skill: float, given: bool) -> None:
+    """A nominal that runs away is explained by what takes its forces away."""
+    lines = straight_lines(quiet)
+    assert LEAST_SKILL * lines > 2 * MUCH_LEFT * quiet.dof
+    why = reservation(quiet, dataclasses.replace(bench.nominal, chi2=skill * LEAST_SKILL * lines), ())
+    assert (why is None) == given
+    assert given or "straight lines through each 0.58 s" in str(why)
+
+
+def test_names_that_leave_much_of_doubtful_recordings_are_not_given(record, model, quiet, bench) -> None:
+    """A motor's controls that are recorded a hundred times too large: no name may stand for that."""
+    left = [dataclasses.replace(bench.nominal, chi2=times * quiet.dof) for times in (0.9 * MUCH_LEFT, 1.1 * MUCH_LEFT)]
+    assert [reservation(quiet, fit, DOUBT) is None for fit in left] == [True, False]
+    assert reservation(quiet, left[1], ()) is None
+    runs = []
+    for seed in range(4):
+        run = record("none", seed)
+        runs.append(record("none", seed, ctrl__drive=100.0 * run["ctrl.drive"].numpy()))
+    found = diagnose(model, runs, nthread=1)
+    assert found.verdict == "unknown"
+    assert "Check the recordings first: Column `ctrl.drive`" in found.sentence

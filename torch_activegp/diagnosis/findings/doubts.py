@@ -1,0 +1,65 @@
+"""Names that leave much are none where the recordings are in doubt, or where no simulator at all would say as much."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from torch_activegp.diagnosis.shooting.elimination import eliminate
+from torch_activegp.diagnosis.shooting.fit import Fit
+from torch_activegp.diagnosis.shooting.likelihood import Shooting
+
+MUCH_LEFT = 100.0
+"""Times the noise, in chi2 per degree of freedom, that names may leave where they are doubted: the best ones of a real
+pendulum left 20 of a noise of 0.02 mrad, wrong ones beside two controls in another unit 640000."""
+LEAST_SKILL = 0.5
+"""Part of what straight lines leave that such names may leave. A motor that a speed loop turned against its cogging was
+lost by every simulation within a hundredth of a second; a dead zone over all of its current left 0.9998 of the lines,
+and Coulomb friction of the same motor in quick reversals 0.0007."""
+
+
+def reservation(shooting: Shooting, fit: Fit, doubts: Sequence[str]) -> str | None:
+    """What speaks against names that leave much, in words; None where nothing.
+
+    Controls in another unit, a hundred times too large, were a payload of four times the arm and a sensor gain at its
+    limit: "explaining 100 %" of a mismatch so large that what was left was 640000 times the noise. And beside a nominal
+    that runs away all is explained by what takes its forces away; the skill of a forecast shows beside a trivial one.
+
+    Args:
+        shooting: the likelihood.
+        fit: the effects that are named.
+        doubts: of the recordings, in sentences.
+    """
+    left = fit.chi2 / shooting.dof
+    if left < MUCH_LEFT:
+        return None
+    leave = f"leave {left:.3g} times the noise (chi2 per dof)"
+    if doubts:
+        return f"{leave}, and a column is in doubt"
+    if fit.chi2 > LEAST_SKILL * straight_lines(shooting):
+        return f"{leave}, hardly less than straight lines through each {_seconds(shooting):.2g} s of the recordings do"
+    return None
+
+
+def straight_lines(shooting: Shooting) -> float:
+    """Chi2 that each joint at a constant speed leaves, another one in each segment: a forecast without a simulator.
+
+    It has as many free numbers as the initial states of a simulation.
+
+    Args:
+        shooting: the likelihood.
+    """
+    segments = shooting.segments
+    position = segments.position
+    time = np.cumsum(np.pad(segments.dt, ((0, 0), (1, 0))), axis=1)
+    joints = np.eye(position.shape[-1])
+    columns = np.concatenate([np.multiply.outer(time**power, joints) for power in (0, 1)], axis=-1)
+    residual = shooting.noise.whiten(segments, position)
+    lines = shooting.whiten_columns(columns)
+    return float((residual**2).sum() - eliminate(lines, lines[..., :0], residual).promise.sum())
+
+
+def _seconds(shooting: Shooting) -> float:
+    """How long segments usually are, s."""
+    return float(np.median(shooting.segments.lengths) * np.median(shooting.segments.dt))
