@@ -8,7 +8,8 @@ import pytest
 from torch_activegp.diagnosis.noise.model import NoiseModel
 from torch_activegp.diagnosis.selection.compared import Selection
 from torch_activegp.diagnosis.selection.development import expand
-from torch_activegp.diagnosis.selection.more_axes import in_more_axes
+from torch_activegp.diagnosis.selection.more_axes import in_fewer_axes, in_more_axes
+from torch_activegp.diagnosis.selection.polish import polish
 from torch_activegp.diagnosis.selection.screening import Atom, Screen
 from torch_activegp.diagnosis.shooting.likelihood import Shooting
 from torch_activegp.diagnosis.shooting.score import Score
@@ -24,6 +25,14 @@ def screened(names: str, normal: np.ndarray, gradient: np.ndarray) -> Screen:
         for i, effect in enumerate(along)
     ]
     return Screen(tuple(atoms), normal, gradient)
+
+
+def told_by(clean, truth: Candidate) -> Shooting:
+    """The likelihood of recordings of some truth with noise of 0.1 mrad."""
+    own = clean.engine.predict(clean.segments, clean.nominal.starts[None], [truth])[0]
+    noise = 1e-4 * np.random.default_rng(0).normal(size=own.shape)
+    segments = dataclasses.replace(clean.segments, position=own + noise)
+    return Shooting(clean.engine, segments, NoiseModel.white(np.array([1e-4])))
 
 
 @pytest.mark.parametrize(("price", "least", "taken"), [(5.0, 20.0, True), (200.0, 20.0, False), (5.0, 60.0, False)])
@@ -55,11 +64,39 @@ def test_a_centre_of_mass_that_moved_along_two_axes_is_found_beside_another_effe
     friction = clean.effect("viscous_friction")
     along = {effect.variant: effect for effect in clean.effects if effect.name == "center_of_mass_offset"}
     truth = Candidate((friction, along["xz"]), (np.array([0.03]), np.array([0.01, 0.02])))
-    own = clean.engine.predict(clean.segments, clean.nominal.starts[None], [truth])[0]
-    noise = 1e-4 * np.random.default_rng(0).normal(size=own.shape)
-    segments = dataclasses.replace(clean.segments, position=own + noise)
-    shooting = Shooting(clean.engine, segments, NoiseModel.white(np.array([1e-4])))
+    shooting = told_by(clean, truth)
     nominal = shooting.fit([((), ())], clean.nominal.starts)[0]
     chosen = Selection(nominal, [nominal], Score(shooting.samples, 60, 1.0))
     expand(chosen, shooting, [friction, *along.values()], nominal)
     assert set(chosen.best.effects) == {friction, along["xz"]}
+
+
+@pytest.mark.parametrize(("known", "left"), [((100.0, 1.0), ["x"]), ((100.0, 100.0), []), ((1.0, 1.0), ["y", "x"])])
+def test_a_vector_is_tried_without_the_components_that_may_be_none(bench, known, left) -> None:
+    both, friction = GravityError.along(0, 1), bench.effect("viscous_friction")
+    singles = [GravityError.along(axis) for axis in (0, 1, 2)]
+    fit = dataclasses.replace(
+        bench.fit("viscous_friction", 0.05),
+        effects=(both, friction),
+        values=(np.array([1.0, 2.0]), np.array([0.05])),
+        information=np.diag([*known, 1.0]),
+    )
+    found = in_fewer_axes(fit, [both, *singles, friction])
+    assert [effects for effects, _ in found] == [(friction, singles["xy".index(axis)]) for axis in left]
+    assert [values[1].tolist() for _, values in found] == [[1.0 if axis == "x" else 2.0] for axis in left]
+
+
+def test_a_centre_of_mass_on_its_axis_ties_with_the_inertia_that_it_adds(clean) -> None:
+    """Along two axes a fit had found the way; along one, which has no slope at zero, it had not."""
+    rotor = clean.effect("armature_error")
+    along = {effect.variant: effect for effect in clean.effects if effect.name == "center_of_mass_offset"}
+    shooting = told_by(clean, Candidate((along["x"],), (np.array([0.03]),)))
+    nominal = shooting.fit([((), ())], clean.nominal.starts)[0]
+    sets = [((rotor,), (np.array([1e-3]),)), ((along["xy"],), (np.array([0.03, 0.0]),))]
+    fits = shooting.fit(sets, nominal.starts)
+    stuck = dataclasses.replace(nominal, effects=(along["x"],), values=(np.zeros(1),), information=np.eye(1))
+    chosen = Selection(nominal, [nominal, *fits, stuck], Score(shooting.samples, 60, 1.0))
+    polish(shooting, chosen, [rotor, *along.values()])
+    found = chosen.of((along["x"],))
+    assert found is not None
+    assert found.chi2 < 1.1 * shooting.dof

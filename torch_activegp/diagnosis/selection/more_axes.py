@@ -1,4 +1,4 @@
-"""Vectors along one more axis than a first look gives them."""
+"""Vectors along one more axis than a first look gives them, or along one less than they need."""
 
 from __future__ import annotations
 
@@ -7,10 +7,14 @@ from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 
 import numpy as np
 
+from torch_activegp.diagnosis.selection.proposals import Set, paired
 from torch_activegp.diagnosis.selection.screening import Atom, Screen
+from torch_activegp.diagnosis.shooting.fit import Fit
 from torch_activegp.physics.effect import Effect
 
 Worth = Callable[[float, Sequence[Effect]], float]
+_NOTHING = 9.0
+"""Chi2 that a component which may be none takes away, the others held: three standard errors."""
 
 
 def in_more_axes(
@@ -43,6 +47,31 @@ def in_more_axes(
         if larger is not None:
             found.setdefault(frozenset(atom.effect for atom in larger), larger)
     return [*found.values()]
+
+
+def in_fewer_axes(fit: Fit, effects: Sequence[Effect]) -> list[Set]:
+    """A set with a vector in it along one axis less, for each component that may be none.
+
+    A centre of mass on the axis of its joint only adds inertia where it moves, and by the square of that: no derivative
+    leads away from there. Along two axes a fit had got away, to the same chi2 as the rotor's inertia, but at the price
+    of one component more, and no tie said so.
+
+    Args:
+        fit: of the set.
+        effects: what is tried.
+    """
+    found: list[Set] = []
+    ends = np.cumsum([0, *(len(value) for value in fit.values)])
+    for effect, value, end in zip(fit.effects, fit.values, ends, strict=False):
+        if not effect.vector or len(value) < 2:
+            continue
+        others = [(e, v) for e, v in fit.by_effect.items() if e is not effect]
+        lost = np.diag(fit.information)[end : end + len(value)] * value**2
+        for axis in np.flatnonzero(lost < _NOTHING):
+            left = effect.variant[:axis] + effect.variant[axis + 1 :]
+            forms = (form for form in effects if form.key == effect.key and form.variant == left)
+            found += [paired([*others, (form, np.delete(value, axis))]) for form in forms]
+    return found
 
 
 def _forms(
