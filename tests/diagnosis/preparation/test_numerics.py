@@ -305,22 +305,23 @@ def test_behind_names_that_leave_more_than_noise_the_own_integrator_is_tried_onc
     def closer(self, forms, first, rough, rivals):
         assert made.fine in [rival.engine for rival in rivals]
         asked.append(rivals[0].left)
-        return [Rival(own, np.zeros(0), now["nearer"] * rivals[0].left, 0.0)]
+        return [Rival(own, np.zeros(0), now["nearer"] * rivals[0].left, now["least"])]
 
     monkeypatch.setattr(Numerics, "_own_rivals", closer)
     monkeypatch.setattr(Numerics, "_working", lambda *_: (shooting, dataclasses.replace(fit, chi2=now["chi2"])))
     dof = shooting.dof
     loud, quiet = (dataclasses.replace(fit, chi2=times * dof) for times in (2.0, 1.0))
     bare = dataclasses.replace(loud, effects=(), values=())
-    for judged, nearer, chi2, looked, taken in (
-        (loud, 0.5, dof, 1, True),
-        (loud, 0.5, 3.0 * dof, 1, False),
-        (loud, 0.99, dof, 1, False),
-        (quiet, 0.5, 0.1 * dof, 0, False),
-        (bare, 0.5, dof, 0, False),
+    for judged, nearer, least, chi2, looked, taken in (
+        (loud, 0.5, 0.5, dof, 1, True),
+        (loud, 0.5, 0.5, 3.0 * dof, 1, False),
+        (loud, 0.99, 0.5, dof, 1, False),
+        (loud, 0.5, 2.5, dof, 1, False),  # no parameters promise to bring it closer than what is known
+        (quiet, 0.5, 0.5, 0.1 * dof, 0, False),
+        (bare, 0.5, 0.5, dof, 0, False),
     ):
         asked.clear()
-        now |= {"nearer": nearer, "chi2": chi2}
+        now |= {"nearer": nearer, "chi2": chi2, "least": least * dof}
         engine, _, best = made._own_behind(judged.chi2, made.given, shooting, judged, shooting, dof)
         assert len(asked) == looked
         assert (engine is own) == taken

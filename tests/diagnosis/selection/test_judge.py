@@ -166,6 +166,19 @@ def test_less_may_be_left_by_a_search_that_was_cut_short(bench, monkeypatch, cut
     assert judged.verdict == verdict
 
 
+@pytest.mark.parametrize(("corrections", "verdict"), [(5, "unknown"), (4, "named")])
+def test_less_may_be_left_behind_many_corrections_of_a_tuning(bench, monkeypatch, corrections, verdict) -> None:
+    effect = bench.effect("viscous_friction")
+    most = bench.shooting.fit([((effect,), (np.array([0.045]),))], bench.nominal.starts, hold=True)[0]
+    for name, value in (("SEEN", 0.15), ("CLEAR", np.inf), ("LOUD", np.inf)):
+        monkeypatch.setattr(f"torch_activegp.diagnosis.selection.judge.{name}", value)
+    tuned = (bench.effect("constant_force"),) * corrections
+    monkeypatch.setattr("torch_activegp.diagnosis.selection.judge._split", lambda *_: ([effect], tuned))
+    judged = judge(bench.shooting, selection(bench, most))
+    assert 0.04 < judged.unexplained < 0.15
+    assert judged.verdict == verdict
+
+
 def test_much_of_the_rest_is_named_however_little_of_the_whole(bench, monkeypatch) -> None:
     monkeypatch.setattr(
         "torch_activegp.diagnosis.selection.judge.is_certain", lambda *_, **__: True
@@ -338,6 +351,10 @@ def test_noise_may_be_coloured_where_it_is_seen_or_could_not_be_but_a_video_is_j
     assert not _may_be_coloured(dataclasses.replace(shooting, segments=dataclasses.replace(slow, runs=videos)))
     coloured = dataclasses.replace(shooting.noise, colour=np.ones_like(shooting.noise.colour))
     assert _may_be_coloured(dataclasses.replace(shooting, noise=coloured))
+    for every, seen in ((20, False), (2, True)):  # glitches, and a filter of which every other row is left
+        runs = tuple(dataclasses.replace(r, left_out=np.arange(len(r)) % every == 1) for r in segments.runs)
+        some = dataclasses.replace(shooting, segments=dataclasses.replace(segments, runs=runs))
+        assert _may_be_coloured(some) == seen
 
 
 def test_a_slight_colour_of_the_noise_makes_no_set_inadequate(bench, monkeypatch) -> None:

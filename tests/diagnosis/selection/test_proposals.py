@@ -15,6 +15,7 @@ from torch_activegp.diagnosis.selection.proposals import (
     richer,
     simpler,
     softened,
+    with_another_past,
     with_values,
     without_weak,
 )
@@ -211,3 +212,22 @@ def test_firm_friction_in_a_set_has_a_soft_form(bench) -> None:
     assert (kept, soft.key, soft.variant) == (drag, firm.key, "soft")
     assert [value.tolist() for value in values] == [[0.2], [0.3]]
     assert softened([((soft,), (np.array([0.3]),))], bench.effects) == []
+
+
+def test_other_forms_of_what_remembers_come_last(bench) -> None:
+    forms = {e.variant: e for e in bench.effects if e.name == "backlash"}
+    play, spring = forms[""], bench.effect("linear_spring")
+    values = (np.array([0.02] * len(play.parameters)), np.array([0.1, 0.0]))
+    fit = dataclasses.replace(bench.nominal, effects=(play, spring), values=values, chi2=1000.0)
+    now = [frozenset(effects) for effects, _ in simpler(fit, bench.effects, {}, 1040.0)]
+    assert frozenset({play}) in now and frozenset({spring}) in now
+    assert not any(some & {*forms.values()} - {play} for some in now)
+    later = [frozenset(effects) for effects, _ in with_another_past(fit, bench.effects, ())]
+    others = {form for some in later for form in some} - {spring}
+    assert {"resting", "springy"} <= {form.variant for form in others} <= {*forms} - {""}
+    assert set(later) == {frozenset({form, *more}) for form in others for more in ((), (spring,))}
+    assert frozenset({forms["resting"]}) not in {
+        frozenset(effects) for effects, _ in with_another_past(fit, bench.effects, {frozenset({forms["resting"]})})
+    }
+    alone = dataclasses.replace(fit, effects=(spring,), values=values[1:])
+    assert with_another_past(alone, bench.effects, ()) == []

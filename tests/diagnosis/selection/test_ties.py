@@ -5,7 +5,8 @@ import dataclasses
 import numpy as np
 import pytest
 
-from torch_activegp.diagnosis.selection.ties import as_one, as_two, is_as_late, is_one_way, ties_of
+from torch_activegp.diagnosis.selection.ties import as_one, as_two, is_as_late, is_one_way, ties_of, told_apart_by
+from torch_activegp.diagnosis.shooting.score import TIE
 
 
 def test_a_friction_of_two_levels_may_be_one_level_and_a_push(bench) -> None:
@@ -64,6 +65,14 @@ def test_all_that_stands_for_a_name_is_listed_once(bench) -> None:
     assert ties_of(rivals, dry, dry.effects[0], (wet,), (wet,)) == (two_sided.effects[0].key,)
     far = [(dry, 0.0, 1.0), (two_sided, 7.0, 0.0)]
     assert ties_of(far, dry, dry.effects[0], (), ()) == ()
+    assert ties_of(far, dry, dry.effects[0], (), (), within=8.0) == (two_sided.effects[0].key,)
+
+
+def test_sets_are_told_apart_by_more_where_the_machine_touches_something(bench, monkeypatch) -> None:
+    assert told_apart_by(bench.shooting) == TIE
+    touches = np.arange(300) < 6
+    monkeypatch.setattr("torch_activegp.diagnosis.selection.ties.poses_that_touch", lambda *_: (touches, touches))
+    assert told_apart_by(bench.shooting) > 2.0 * TIE
 
 
 @pytest.mark.parametrize("way", ["one", "two controls", "a force"])

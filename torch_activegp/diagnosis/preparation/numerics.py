@@ -187,7 +187,8 @@ class Numerics(Forms):
             here = self._rough(first, begin, ())
             rivals = [Rival.at(first, form, here) for form in dict.fromkeys((engine, self.fine))]
             for rival in self._own_rivals(own, first, here, rivals):
-                if rival.left < (1.0 - _DISCRETE) * rivals[0].left:
+                promised = self._cost(rival.engine, begin, rival.least * dof / first.dof, dof)
+                if rival.left < (1.0 - _DISCRETE) * rivals[0].left and promised < cost:
                     closer, fit = self._working(rival, first, here, np.inf)
                     if self._cost(rival.engine, fit, fit.chi2 * dof / first.dof, dof) < cost:
                         return rival.engine, closer, fit

@@ -21,6 +21,7 @@ from torch_activegp.diagnosis.selection.proposals import (
     join,
     richer,
     simpler,
+    with_another_past,
     with_values,
     without_weak,
 )
@@ -63,21 +64,37 @@ def expand(selection: Selection, shooting: Shooting, effects: Sequence[Effect], 
 
 
 def simplify(selection: Selection, shooting: Shooting, effects: Sequence[Effect]) -> None:
-    """Tries the best set without each of its effects, and with simpler laws or other forms in their place."""
+    """Tries the best set without each of its effects, and with simpler laws or other forms in their place.
+
+    Those of what remembers come last, for what is left then: beside three other names, of which two were there, the
+    eight forms of a backlash without each of the others took a minute on a slide, and then the backlash itself went.
+    """
     best = selection.best
     if selection.was_simplified():
         return
-    known: dict[frozenset[Effect], float] = {}
-    for fit in selection.fits:
-        known[frozenset(fit.effects)] = min(fit.chi2, known.get(frozenset(fit.effects), np.inf))
-    score = selection.score
+    known, score = _known(selection), selection.score
     sets = simpler(best, effects, known, best.chi2 + CLOSE * score.scale, score.free)
     fewer = without_weak(best, lambda effect: score.scale * score.price([effect]))
     sets += [fewer] if fewer and frozenset(fewer[0]) not in known else []
-    for some in (sets, forms_of_parts(selection, effects, known)):  # each among its like: these begin far off
-        passed = heat(shooting, some, best, score)
-        compare(shooting, selection, passed.sets, best, rounds=_ROUNDS, starts=passed.starts)
+    _passed(selection, shooting, sets, best)  # each among its like: other forms of parts begin far off
+    _passed(selection, shooting, forms_of_parts(selection, effects, _known(selection)), best)
     _from_the_best(selection, shooting, best, [some for some in sets if holds_simpler_law(some, best)])
+    _passed(selection, shooting, with_another_past(selection.best, effects, _known(selection)), selection.best)
+
+
+def _known(selection: Selection) -> dict[frozenset[Effect], float]:
+    """The least chi2 of each set that was fitted."""
+    known: dict[frozenset[Effect], float] = {}
+    for fit in selection.fits:
+        known[frozenset(fit.effects)] = min(fit.chi2, known.get(frozenset(fit.effects), np.inf))
+    return known
+
+
+def _passed(selection: Selection, shooting: Shooting, sets: Sequence[Set], best: Fit) -> None:
+    """Fits those of some sets that pass a heat, from the states of the best one."""
+    if sets:
+        passed = heat(shooting, sets, best, selection.score)
+        compare(shooting, selection, passed.sets, best, rounds=_ROUNDS, starts=passed.starts)
 
 
 def _from_the_best(selection: Selection, shooting: Shooting, best: Fit, sets: Sequence[Set]) -> None:

@@ -15,7 +15,7 @@ from torch_activegp.diagnosis.selection.free_force import free_force_columns
 from torch_activegp.diagnosis.selection.intervals import is_certain
 from torch_activegp.diagnosis.selection.own_limits import is_own_limit
 from torch_activegp.diagnosis.selection.prospects import MAX_EFFECTS
-from torch_activegp.diagnosis.selection.ties import is_one_way, swapped, ties_of
+from torch_activegp.diagnosis.selection.ties import is_one_way, swapped, ties_of, told_apart_by
 from torch_activegp.diagnosis.selection.tuning import is_a_tuning
 from torch_activegp.diagnosis.shooting.elimination import eliminate, scaled
 from torch_activegp.diagnosis.shooting.fit import Fit
@@ -37,6 +37,9 @@ spectrum showed, with 0.011 of the mismatch; a spring and a friction that stood 
 LOUD, SEEN_LOUD = 5.0, 0.01
 """The same where it is so many times the noise. A real drive's right names left 0.001; what left more were a stop where
 nothing was missing, and a load of 40 times the machine for a motor that was wired the other way round."""
+CORRECTIONS, SEEN_BEHIND_CORRECTIONS = 5, 0.015
+"""The same behind so many corrections of a tuning: of 44 right names so they left 0.011 at most, and a centre of mass
+that stood for a coupling of two joints, beside seven corrections, 0.021."""
 CROWDED = 0.04
 """The same where as many names as are tried leave it."""
 OVERCROWDED = 0.001
@@ -60,6 +63,8 @@ BEHIND_COLOUR = 100.0
 """Score, in units of what is left, by which names must be better to be believed although coloured noise is left behind
 them. In a control at 50 Hz whose filtered noise left 2.3 times its floor no names scored better; a spring that was
 missing there scored 336."""
+_FILTERED = 0.25
+"""Part of its rows that count for nothing from which on a recording was filtered: glitches are fewer."""
 SLOW = 1 / 30
 VISIBLE_WHEN_SLOW = 12.0
 """The same for recordings below 30 Hz, as from video: their differences hardly show slow errors of the recorder."""
@@ -165,7 +170,8 @@ def judge(shooting: Shooting, selection: Selection) -> Judgement:
     order, shares = tuple(order[i] for i in kept), tuple(shares[i] for i in kept)
     probabilities = tuple(_probability(rivals, effect) for effect in order)
     one_way = is_one_way(shooting)
-    ties = tuple(ties_of(rivals, best, effect, retuned, tuned, one_way, selection.tunable) for effect in order)
+    within = told_apart_by(shooting)
+    ties = tuple(ties_of(rivals, best, effect, retuned, tuned, one_way, selection.tunable, within) for effect in order)
     sets = math.comb(max(score.names, len(best.effects)), len(best.effects))
     p_value = 2.0 * min(before.p_value, float(stats.chi2.sf(gain / score.scale, best.size)) * sets)
     crowded = count >= MAX_EFFECTS and unexplained > (CROWDED if count == MAX_EFFECTS else OVERCROWDED)
@@ -174,8 +180,8 @@ def judge(shooting: Shooting, selection: Selection) -> Judgement:
     most = seen if _visible(shooting, best, after) else INADEQUATE
     for times, share in ((CLEAR, SEEN_CLEARLY), (LOUD, SEEN_LOUD)):
         most = min(most, share) if best.chi2 > times * shooting.dof else most
-    if selection.cut_short:
-        most = min(most, SEEN_IN_VAIN)
+    for seldom, share in ((selection.cut_short, SEEN_IN_VAIN), (len(retuned) >= CORRECTIONS, SEEN_BEHIND_CORRECTIONS)):
+        most = min(most, share) if seldom else most
     verdict = "tie" if any(ties) else "named"
     if after.p_value < DOUBT and (unexplained > most or crowded):
         clear = plain and score(nominal) - score(best) > BEHIND_COLOUR  # what is fitted along follows colours too
@@ -196,8 +202,12 @@ def _nameless(shooting: Shooting, fit: Fit, left: Omnibus, rivals: _Compared) ->
 
 
 def _may_be_coloured(shooting: Shooting) -> bool:
-    """Whether what is left may be the noise's own colour: it is seen, or would not be; not that of videos."""
-    coloured = bool(shooting.noise.colour.any()) or shooting.hides_colour
+    """Whether what is left may be the noise's own colour: it is seen, or would not be; not that of videos.
+
+    Nor would it be in the rows that are left of a filtered recording (`preparation/filtered_rows.py`).
+    """
+    thinned = any(run.left_out is not None and run.left_out.mean() > _FILTERED for run in shooting.segments.runs)
+    coloured = bool(shooting.noise.colour.any()) or shooting.hides_colour or thinned
     return coloured and not any(run.video for run in shooting.segments.runs)
 
 

@@ -153,6 +153,8 @@ def simpler(
 ) -> list[Set]:
     """A set without each of its names, with a simpler law in place of one that contains it, or in another form.
 
+    Of a backlash there are eight forms; they come last, :func:`with_another_past`.
+
     Args:
         best: the set.
         effects: what is tried.
@@ -170,8 +172,27 @@ def simpler(
                 alone = [*others, (law, np.array([value[: effect.linear].mean()]))]
                 plain += [paired([*alone, *more]) for more in ([], *_offset(best, effect, value, effects, free))]
     plain += [*map(paired, [*merged(pairs, effects), *pushes_alone(pairs, effects)]), *_once_less(pairs, effects)]
-    fresh = [some for some in fewer if frozenset(some[0]) not in known]
+    fresh = [some for some in fewer if frozenset(some[0]) not in known and not _changes_past(some, best)]
     return fresh + [some for some in plain if known.get(frozenset(some[0]), np.inf) > close]
+
+
+def with_another_past(best: Fit, effects: Sequence[Effect], known: Collection[frozenset[Effect]]) -> list[Set]:
+    """A set with another form of a name in it that remembers, and so without each of the others.
+
+    Args:
+        best: the set.
+        effects: what is tried.
+        known: the sets that were fitted; they are left out.
+    """
+    pairs = list(best.by_effect.items())
+    parts = [pairs, *([pair for pair in pairs if pair[0] is not effect] for effect in best.effects)]
+    sets = [some for part in parts for some in other_forms(part, effects)]
+    return [some for some in sets if frozenset(some[0]) not in known and _changes_past(some, best)]
+
+
+def _changes_past(some: Set, best: Fit) -> bool:
+    """Whether a name in a set remembers, and is in another form in the best one."""
+    return any(effect.needs_past and effect not in best.effects and effect.key in best.keys for effect in some[0])
 
 
 def contains(law: Effect, other: Effect) -> bool:

@@ -10,6 +10,7 @@ from torch_activegp.diagnosis.selection.merging import TWO_SIDED, push
 from torch_activegp.diagnosis.shooting.fit import Fit
 from torch_activegp.diagnosis.shooting.likelihood import Shooting
 from torch_activegp.diagnosis.shooting.score import TIE
+from torch_activegp.diagnosis.simulation.touching import TOUCHING, poses_that_touch
 from torch_activegp.physics.effect import Effect
 
 _LOPSIDED = 0.1
@@ -17,6 +18,9 @@ _LOPSIDED = 0.1
 _DELAYS = frozenset({"actuator_delay", "sensor_delay"})
 _SHIFTED = 0.02
 """Part of chi2 by which two delays that are one law may differ: by 0.006 where one of 8 ms was taken in steps of 5."""
+_STRIKES = 20.0
+"""Score by which sets differ that are not told apart on a machine that strikes something: fits end on either side of an
+impact. A lag of a hammer's drive left 16 less than the delay that was there, as long and with the same states."""
 ALIKE = 0.002
 """Two names that say the same as one leave no more by this part, what fits are short of; less is no objection."""
 
@@ -32,6 +36,7 @@ def ties_of(
     tuned: Sequence[Effect],
     one_way: bool = False,
     tunable: Sequence[Effect] = (),
+    within: float = TIE,
 ) -> tuple[tuple[str, str], ...]:
     """All (name, target) pairs that stand for a named effect as well.
 
@@ -43,19 +48,27 @@ def ties_of(
         tuned: those of them that only undo a tuning.
         one_way: whether one control goes in, and one position comes out.
         tunable: all that a modeller may have tuned, compared or not.
+        within: score by which sets differ that are not told apart, :func:`told_apart_by`.
     """
-    alone, one = swapped(rivals, best, effect), as_one(rivals, best, effect, retuned, tuned)
+    alone, one = swapped(rivals, best, effect, within), as_one(rivals, best, effect, retuned, tuned)
     late = as_late(rivals, best, effect) if one_way else ()
     return tuple(dict.fromkeys([*alone, *late, *as_two(rivals, best, effect, tunable), *one]))
 
 
-def swapped(rivals: Rivals, best: Fit, effect: Effect) -> tuple[tuple[str, str], ...]:
+def told_apart_by(shooting: Shooting) -> float:
+    """The score by which sets must differ to be told apart: more where something touches."""
+    engine = shooting.engine
+    touches = poses_that_touch(engine.model, engine.channels, shooting.segments.runs)[1]
+    return _STRIKES if touches.mean() > TOUCHING else TIE
+
+
+def swapped(rivals: Rivals, best: Fit, effect: Effect, within: float = TIE) -> tuple[tuple[str, str], ...]:
     """What stands in place of an effect in sets that score almost as well."""
     others = best.keys - {effect.key}
     found = []
     for fit, distance, _ in rivals[1:]:
         new = fit.keys - others
-        if distance < TIE and others <= fit.keys and len(new) == 1 and effect.key not in fit.keys:
+        if distance < within and others <= fit.keys and len(new) == 1 and effect.key not in fit.keys:
             found.append(next(iter(new)))
     return tuple(found)
 
