@@ -46,7 +46,7 @@ def test_all_that_tie_are_marked(fakes: Any) -> None:
     assert [row["tag"] for row in rivals(*fakes["tie"]()).content["rows"]] == ["tied", "tied", "", ""]
 
 
-@pytest.mark.parametrize(("gap", "word"), [(284.0, "the same law"), (4.0, "less likely")])
+@pytest.mark.parametrize(("gap", "word"), [(284.0, "not told apart here"), (4.0, "less likely")])
 def test_a_law_by_another_name_is_not_ruled_out_by_what_its_name_costs(gap: float, word: str) -> None:
     def effect(name: str, *ties: str) -> dict[str, Any]:
         target = {"target": "joint:elbow"}

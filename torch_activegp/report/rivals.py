@@ -14,8 +14,8 @@ _CLOSE, _ROUNDING = 2.0, 1e-6
 _LONG = 2
 """A set of more effects than these that contains the best one is told by what it adds."""
 _DEARER = "fits as well, costs more"
-_TIE, _SAME = 6.0, "the same law"
-"""Ties whose names cost more than the recordings could tell apart."""
+_TIE, _SAME = 6.0, "not told apart here"
+"""Of ties that score farther apart than others do: one law in two places, or a machine that strikes something."""
 _TAGS = {"none": "the verdict", "named": "the verdict", "tie": "tied", "unknown": "not enough"}
 
 

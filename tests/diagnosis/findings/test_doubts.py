@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from torch_activegp.diagnosis import diagnose
-from torch_activegp.diagnosis.findings.doubts import LEAST_SKILL, MUCH_LEFT, reservation, straight_lines
+from torch_activegp.diagnosis.findings.doubts import MUCH_LEFT, NO_SKILL, reservation, straight_lines
 
 DOUBT = ("Column `ctrl.drive`: ...",)
 
@@ -36,10 +36,10 @@ def test_straight_lines_are_fitted_to_each_joint_of_each_segment(quiet) -> None:
 def test_names_that_leave_as_much_as_straight_lines_are_not_given(quiet, bench, skill: float, given: bool) -> None:
     """A nominal that runs away is explained by what takes its forces away."""
     lines = straight_lines(quiet)
-    assert LEAST_SKILL * lines > 2 * MUCH_LEFT * quiet.dof
-    why = reservation(quiet, dataclasses.replace(bench.nominal, chi2=skill * LEAST_SKILL * lines), ())
+    assert NO_SKILL * lines > 2 * MUCH_LEFT * quiet.dof
+    why = reservation(quiet, dataclasses.replace(bench.nominal, chi2=skill * NO_SKILL * lines), ())
     assert (why is None) == given
-    assert given or "straight lines through each 0.58 s" in str(why)
+    assert given or "straight lines through each 0.48 s" in str(why)
 
 
 def test_names_that_leave_much_of_doubtful_recordings_are_not_given(record, model, quiet, bench) -> None:

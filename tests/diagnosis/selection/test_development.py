@@ -118,3 +118,32 @@ def test_a_simpler_law_that_ended_far_off_is_fitted_from_the_best_set(
         assert near is both
         assert value == pytest.approx(both.values[0].mean())  # held as the best set has them
         np.testing.assert_allclose(starts[0], both.starts, atol=5e-3)
+
+
+@pytest.mark.parametrize("goes", [False, True])
+def test_forms_of_a_backlash_are_fitted_where_it_stays(bench, monkeypatch, goes: bool) -> None:
+    """All eight without each of the others took a minute before the backlash itself went."""
+    forms = {effect.variant: effect for effect in bench.effects if effect.name == "backlash"}
+    play, wet = forms[""], bench.effect("viscous_friction")
+    values = (np.array([0.02] * len(play.parameters)), np.array([0.05]))
+    smaller = bench.fit("viscous_friction", 0.05)
+    both = dataclasses.replace(
+        smaller,
+        effects=(play, wet),
+        values=values,
+        chi2=smaller.chi2 + (50.0 if goes else -900.0),
+        information=1e6 * np.eye(len(play.parameters) + 1),
+    )
+    chosen = Selection(bench.nominal, [bench.nominal, both], Score(bench.shooting.samples, 5, 1.0))
+    compared: list[frozenset] = []
+
+    def compare(shooting, selection, sets, near, rounds, starts) -> None:
+        compared.extend(frozenset(effects) for effects, _ in sets)
+        selection.add([smaller])
+
+    monkeypatch.setattr(module, "compare", compare)
+    monkeypatch.setattr(module, "heat", lambda shooting, sets, fit, score: Heat(list(sets), fit.starts[None]))
+    monkeypatch.setattr(Selection, "best", property(lambda self: min(self.fits, key=lambda fit: fit.chi2)))
+    module.simplify(chosen, bench.shooting, bench.effects)
+    assert compared[:2] == [frozenset({wet}), frozenset({play})]
+    assert bool({forms["resting"], wet} in compared) is not goes

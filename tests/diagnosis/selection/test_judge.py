@@ -337,7 +337,7 @@ def test_names_that_gain_much_are_kept_before_noise_that_may_be_coloured(
     judged = judge(bench.shooting, selection(bench, part))
     assert (judged.verdict, judged.unexplained) == (verdict, pytest.approx(0.4 * (verdict == "named"), abs=0.01))
     monkeypatch.setattr(
-        module, "_split", lambda shooting, chosen, rivals: (part.effects, (bench.effect("linear_spring"),))
+        module, "_split", lambda shooting, chosen, rivals, within: (part.effects, (bench.effect("linear_spring"),))
     )
     assert judge(bench.shooting, selection(bench, part)).verdict == "none"
 
@@ -351,10 +351,12 @@ def test_noise_may_be_coloured_where_it_is_seen_or_could_not_be_but_a_video_is_j
     assert not _may_be_coloured(dataclasses.replace(shooting, segments=dataclasses.replace(slow, runs=videos)))
     coloured = dataclasses.replace(shooting.noise, colour=np.ones_like(shooting.noise.colour))
     assert _may_be_coloured(dataclasses.replace(shooting, noise=coloured))
-    for every, seen in ((20, False), (2, True)):  # glitches, and a filter of which every other row is left
-        runs = tuple(dataclasses.replace(r, left_out=np.arange(len(r)) % every == 1) for r in segments.runs)
-        some = dataclasses.replace(shooting, segments=dataclasses.replace(segments, runs=runs))
-        assert _may_be_coloured(some) == seen
+    for filtered in (False, True):  # else they are glitches
+        runs = [
+            dataclasses.replace(run, left_out=np.arange(len(run)) % 2 == 1, thinned=filtered) for run in segments.runs
+        ]
+        some = dataclasses.replace(shooting, segments=dataclasses.replace(segments, runs=tuple(runs)))
+        assert _may_be_coloured(some) == filtered
 
 
 def test_a_slight_colour_of_the_noise_makes_no_set_inadequate(bench, monkeypatch) -> None:

@@ -229,5 +229,7 @@ def test_other_forms_of_what_remembers_come_last(bench) -> None:
     assert frozenset({forms["resting"]}) not in {
         frozenset(effects) for effects, _ in with_another_past(fit, bench.effects, {frozenset({forms["resting"]})})
     }
+    kept = [effects for effects, _ in with_another_past(fit, bench.effects, (), {spring.key})]
+    assert kept and all(spring in effects for effects in kept)  # what is no name stays
     alone = dataclasses.replace(fit, effects=(spring,), values=values[1:])
     assert with_another_past(alone, bench.effects, ()) == []

@@ -68,11 +68,14 @@ def test_all_that_stands_for_a_name_is_listed_once(bench) -> None:
     assert ties_of(far, dry, dry.effects[0], (), (), within=8.0) == (two_sided.effects[0].key,)
 
 
-def test_sets_are_told_apart_by_more_where_the_machine_touches_something(bench, monkeypatch) -> None:
-    assert told_apart_by(bench.shooting) == TIE
-    touches = np.arange(300) < 6
-    monkeypatch.setattr("torch_activegp.diagnosis.selection.ties.poses_that_touch", lambda *_: (touches, touches))
-    assert told_apart_by(bench.shooting) > 2.0 * TIE
+def test_sets_are_told_apart_by_more_where_the_machine_strikes_something(bench, monkeypatch) -> None:
+    assert told_apart_by(bench.shooting, bench.nominal) == TIE
+    stopped = dataclasses.replace(bench.nominal, effects=(bench.effect("joint_stop"),))
+    assert told_apart_by(bench.shooting, stopped) > 2.0 * TIE
+    for share, apart in ((6, False), (300, True)):  # now and then; a cart on its wheels strikes nothing
+        touches = np.arange(300) < share
+        monkeypatch.setattr("torch_activegp.diagnosis.selection.ties.poses_that_touch", lambda *_, t=touches: (t, t))
+        assert (told_apart_by(bench.shooting, bench.nominal) == TIE) == apart
 
 
 @pytest.mark.parametrize("way", ["one", "two controls", "a force"])

@@ -8,7 +8,7 @@ import pytest
 from torch_activegp.diagnosis.noise.model import NoiseModel
 from torch_activegp.diagnosis.selection import weak
 from torch_activegp.diagnosis.selection.compared import Selection
-from torch_activegp.diagnosis.selection.judge import judge
+from torch_activegp.diagnosis.selection.judge import Omnibus, judge
 from torch_activegp.diagnosis.selection.search import select
 from torch_activegp.diagnosis.selection.weak import also_weak
 from torch_activegp.diagnosis.shooting.likelihood import Shooting
@@ -110,3 +110,10 @@ def test_a_better_set_that_the_search_for_what_is_weak_comes_across_is_taken(cle
     assert found.fits == [*fits, *([missed] if better else [])]  # what was not wanted tells nothing of the noise
     assert (found.score.scale < scale) is better
     assert (chosen.fits, chosen.score.scale) == (fits, scale)
+
+
+@pytest.mark.parametrize(
+    ("excess", "p_value", "enough"), [(240.0, 1e-9, True), (260.0, 1e-9, False), (900.0, 0.02, True)]
+)
+def test_a_quarter_of_what_was_left_may_stay_behind_what_is_weak(excess, p_value, enough) -> None:
+    assert weak._leaves_noise(Omnibus(1000.0, 1e-30), Omnibus(excess, p_value)) == enough

@@ -6,17 +6,17 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from torch_activegp.diagnosis.shooting.elimination import eliminate
+from torch_activegp.diagnosis.preparation.rivals import beside
 from torch_activegp.diagnosis.shooting.fit import Fit
 from torch_activegp.diagnosis.shooting.likelihood import Shooting
 
 MUCH_LEFT = 100.0
 """Times the noise, in chi2 per degree of freedom, that names may leave where they are doubted: the best ones of a real
 pendulum left 20 of a noise of 0.02 mrad, wrong ones beside two controls in another unit 640000."""
-LEAST_SKILL = 0.5
-"""Part of what straight lines leave that such names may leave. A motor that a speed loop turned against its cogging was
-lost by every simulation within a hundredth of a second; a dead zone over all of its current left 0.9998 of the lines,
-and Coulomb friction of the same motor in quick reversals 0.0007."""
+NO_SKILL = 0.9
+"""Part of what straight lines leave from which on such names forecast as they do. A motor that a speed loop turned
+against its cogging was lost by every simulation within a hundredth of a second; a dead zone over all its current left
+0.9998 of the lines, and Coulomb friction of the same motor in quick reversals 0.0007."""
 
 
 def reservation(shooting: Shooting, fit: Fit, doubts: Sequence[str]) -> str | None:
@@ -37,7 +37,7 @@ def reservation(shooting: Shooting, fit: Fit, doubts: Sequence[str]) -> str | No
     leave = f"leave {left:.3g} times the noise (chi2 per dof)"
     if doubts:
         return f"{leave}, and a column is in doubt"
-    if fit.chi2 > LEAST_SKILL * straight_lines(shooting):
+    if fit.chi2 > NO_SKILL * straight_lines(shooting):
         return f"{leave}, hardly less than straight lines through each {_seconds(shooting):.2g} s of the recordings do"
     return None
 
@@ -55,11 +55,10 @@ def straight_lines(shooting: Shooting) -> float:
     time = np.cumsum(np.pad(segments.dt, ((0, 0), (1, 0))), axis=1)
     joints = np.eye(position.shape[-1])
     columns = np.concatenate([np.multiply.outer(time**power, joints) for power in (0, 1)], axis=-1)
-    residual = shooting.noise.whiten(segments, position)
-    lines = shooting.whiten_columns(columns)
-    return float((residual**2).sum() - eliminate(lines, lines[..., :0], residual).promise.sum())
+    left = beside(shooting.whiten_columns(columns), shooting.noise.whiten(segments, position))
+    return float((left**2).sum())
 
 
 def _seconds(shooting: Shooting) -> float:
-    """How long segments usually are, s."""
-    return float(np.median(shooting.segments.lengths) * np.median(shooting.segments.dt))
+    """How long the scored part of a segment usually is, s."""
+    return float(np.median(np.diff(shooting.segments.scored, axis=1)) * np.median(shooting.segments.dt))

@@ -188,7 +188,8 @@ class Numerics(Forms):
             rivals = [Rival.at(first, form, here) for form in dict.fromkeys((engine, self.fine))]
             for rival in self._own_rivals(own, first, here, rivals):
                 promised = self._cost(rival.engine, begin, rival.least * dof / first.dof, dof)
-                if rival.left < (1.0 - _DISCRETE) * rivals[0].left and promised < cost:
+                vain = here.columns is not None and promised > cost + _BEHIND * cost + _FAR_BEHIND
+                if rival.left < (1.0 - _DISCRETE) * rivals[0].left and not vain:
                     closer, fit = self._working(rival, first, here, np.inf)
                     if self._cost(rival.engine, fit, fit.chi2 * dof / first.dof, dof) < cost:
                         return rival.engine, closer, fit

@@ -66,8 +66,8 @@ def expand(selection: Selection, shooting: Shooting, effects: Sequence[Effect], 
 def simplify(selection: Selection, shooting: Shooting, effects: Sequence[Effect]) -> None:
     """Tries the best set without each of its effects, and with simpler laws or other forms in their place.
 
-    Those of what remembers come last, for what is left then: beside three other names, of which two were there, the
-    eight forms of a backlash without each of the others took a minute on a slide, and then the backlash itself went.
+    Other forms of parts, and of what remembers, come last, for what is left then: beside three other names, of which
+    two were there, the eight forms of a backlash took a minute on a slide, and then the backlash itself went.
     """
     best = selection.best
     if selection.was_simplified():
@@ -76,10 +76,11 @@ def simplify(selection: Selection, shooting: Shooting, effects: Sequence[Effect]
     sets = simpler(best, effects, known, best.chi2 + CLOSE * score.scale, score.free)
     fewer = without_weak(best, lambda effect: score.scale * score.price([effect]))
     sets += [fewer] if fewer and frozenset(fewer[0]) not in known else []
-    _passed(selection, shooting, sets, best)  # each among its like: other forms of parts begin far off
-    _passed(selection, shooting, forms_of_parts(selection, effects, _known(selection)), best)
+    _passed(selection, shooting, sets, best)
     _from_the_best(selection, shooting, best, [some for some in sets if holds_simpler_law(some, best)])
-    _passed(selection, shooting, with_another_past(selection.best, effects, _known(selection)), selection.best)
+    left, known, free = selection.best, _known(selection), selection.score.free
+    for some in (forms_of_parts(selection, effects, known), with_another_past(left, effects, known, free)):
+        _passed(selection, shooting, some, left)  # each among its like: forms of parts begin far off
 
 
 def _known(selection: Selection) -> dict[frozenset[Effect], float]:

@@ -20,6 +20,7 @@ from torch_activegp.diagnosis.selection.tuning import is_a_tuning
 from torch_activegp.diagnosis.shooting.elimination import eliminate, scaled
 from torch_activegp.diagnosis.shooting.fit import Fit
 from torch_activegp.diagnosis.shooting.likelihood import Shooting
+from torch_activegp.diagnosis.shooting.score import TIE
 from torch_activegp.physics.effect import Effect
 
 LEAST_SHARE = 0.002
@@ -38,8 +39,8 @@ LOUD, SEEN_LOUD = 5.0, 0.01
 """The same where it is so many times the noise. A real drive's right names left 0.001; what left more were a stop where
 nothing was missing, and a load of 40 times the machine for a motor that was wired the other way round."""
 CORRECTIONS, SEEN_BEHIND_CORRECTIONS = 5, 0.015
-"""The same behind so many corrections of a tuning: of 44 right names so they left 0.011 at most, and a centre of mass
-that stood for a coupling of two joints, beside seven corrections, 0.021."""
+"""And behind so many corrections of a tuning, whatever is left: right names left 0.011 at most on 20 cases, a centre of
+mass that stood for a coupling of two joints 0.021."""
 CROWDED = 0.04
 """The same where as many names as are tried leave it."""
 OVERCROWDED = 0.001
@@ -63,8 +64,6 @@ BEHIND_COLOUR = 100.0
 """Score, in units of what is left, by which names must be better to be believed although coloured noise is left behind
 them. In a control at 50 Hz whose filtered noise left 2.3 times its floor no names scored better; a spring that was
 missing there scored 336."""
-_FILTERED = 0.25
-"""Part of its rows that count for nothing from which on a recording was filtered: glitches are fewer."""
 SLOW = 1 / 30
 VISIBLE_WHEN_SLOW = 12.0
 """The same for recordings below 30 Hz, as from video: their differences hardly show slow errors of the recorder."""
@@ -153,7 +152,8 @@ def judge(shooting: Shooting, selection: Selection) -> Judgement:
     after = omnibus(dataclasses.replace(shooting, noise=recoloured(shooting, best)), best)
     unexplained = after.excess / max(after.excess + gain, 1e-300)
     white = after.p_value > SURE
-    named, tuned = _split(shooting, selection, rivals)
+    within = told_apart_by(shooting, best)
+    named, tuned = _split(shooting, selection, rivals, within)
     order, shares = _shares(shooting, selection, named, 1.0 - unexplained)
     score = selection.score
     worth = 2.0 * score.least * score.scale / max(gain, 1e-300) if score.inadequate else score.material
@@ -170,7 +170,6 @@ def judge(shooting: Shooting, selection: Selection) -> Judgement:
     order, shares = tuple(order[i] for i in kept), tuple(shares[i] for i in kept)
     probabilities = tuple(_probability(rivals, effect) for effect in order)
     one_way = is_one_way(shooting)
-    within = told_apart_by(shooting)
     ties = tuple(ties_of(rivals, best, effect, retuned, tuned, one_way, selection.tunable, within) for effect in order)
     sets = math.comb(max(score.names, len(best.effects)), len(best.effects))
     p_value = 2.0 * min(before.p_value, float(stats.chi2.sf(gain / score.scale, best.size)) * sets)
@@ -180,8 +179,8 @@ def judge(shooting: Shooting, selection: Selection) -> Judgement:
     most = seen if _visible(shooting, best, after) else INADEQUATE
     for times, share in ((CLEAR, SEEN_CLEARLY), (LOUD, SEEN_LOUD)):
         most = min(most, share) if best.chi2 > times * shooting.dof else most
-    for seldom, share in ((selection.cut_short, SEEN_IN_VAIN), (len(retuned) >= CORRECTIONS, SEEN_BEHIND_CORRECTIONS)):
-        most = min(most, share) if seldom else most
+    for strict, share in ((selection.cut_short, SEEN_IN_VAIN), (len(tuned) >= CORRECTIONS, SEEN_BEHIND_CORRECTIONS)):
+        most = min(most, share) if strict else most
     verdict = "tie" if any(ties) else "named"
     if after.p_value < DOUBT and (unexplained > most or crowded):
         clear = plain and score(nominal) - score(best) > BEHIND_COLOUR  # what is fitted along follows colours too
@@ -206,9 +205,9 @@ def _may_be_coloured(shooting: Shooting) -> bool:
 
     Nor would it be in the rows that are left of a filtered recording (`preparation/filtered_rows.py`).
     """
-    thinned = any(run.left_out is not None and run.left_out.mean() > _FILTERED for run in shooting.segments.runs)
-    coloured = bool(shooting.noise.colour.any()) or shooting.hides_colour or thinned
-    return coloured and not any(run.video for run in shooting.segments.runs)
+    runs = shooting.segments.runs
+    coloured = bool(shooting.noise.colour.any()) or shooting.hides_colour or any(run.thinned for run in runs)
+    return coloured and not any(run.video for run in runs)
 
 
 def _visible(shooting: Shooting, fit: Fit, left: Omnibus) -> bool:
@@ -230,7 +229,7 @@ def _rivals(selection: Selection) -> _Compared:
 
 
 def _split(
-    shooting: Shooting, selection: Selection, rivals: Sequence[tuple[Fit, float, float]]
+    shooting: Shooting, selection: Selection, rivals: Sequence[tuple[Fit, float, float]], within: float = TIE
 ) -> tuple[list[Effect], tuple[Effect, ...]]:
     """Tells effects from nuisances: what a modeller had tuned on these data gains nothing alone.
 
@@ -240,7 +239,7 @@ def _split(
     """
     best = selection.best
     names = {e.key for fit, _, _ in rivals for e in fit.effects if e.tunable}
-    tunable = [e for e in best.effects if e.tunable or names & set(swapped(rivals, best, e))]
+    tunable = [e for e in best.effects if e.tunable or names & set(swapped(rivals, best, e, within))]
     others = [e for e in best.effects if e not in tunable]
     if not tunable or not others:
         return list(best.effects), ()

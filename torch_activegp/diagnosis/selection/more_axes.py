@@ -7,6 +7,7 @@ from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 
 import numpy as np
 
+from torch_activegp.diagnosis.inputs.runs import Array
 from torch_activegp.diagnosis.selection.proposals import Set, paired
 from torch_activegp.diagnosis.selection.screening import Atom, Screen
 from torch_activegp.diagnosis.shooting.fit import Fit
@@ -14,7 +15,7 @@ from torch_activegp.physics.effect import Effect
 
 Worth = Callable[[float, Sequence[Effect]], float]
 _NOTHING = 9.0
-"""Chi2 that a component which may be none takes away, the others held: three standard errors."""
+"""Chi2 that a component which may be none takes away where all else follows: three standard errors."""
 
 
 def in_more_axes(
@@ -50,28 +51,37 @@ def in_more_axes(
 
 
 def in_fewer_axes(fit: Fit, effects: Sequence[Effect]) -> list[Set]:
-    """A set with a vector in it along one axis less, for each component that may be none.
+    """A set with a vector in it along one axis less, for each component that may be none beside the others.
 
-    A centre of mass on the axis of its joint only adds inertia where it moves, and by the square of that: no derivative
-    leads away from there. Along two axes a fit had got away, to the same chi2 as the rotor's inertia, but at the price
-    of one component more, and no tie said so.
+    A centre of mass on the axis of its joint only adds inertia where it moves, in whichever direction, and by the
+    square of that: no derivative leads away from there. Along two axes a fit had got away, to the same chi2 as the
+    rotor's inertia, but at the price of one component more, and no tie said so.
 
     Args:
         fit: of the set.
         effects: what is tried.
     """
     found: list[Set] = []
-    ends = np.cumsum([0, *(len(value) for value in fit.values)])
-    for effect, value, end in zip(fit.effects, fit.values, ends, strict=False):
+    if fit.at_rest or len(fit.information) != fit.size:  # nothing is known of it
+        return found
+    begin = np.cumsum([0, *(len(value) for value in fit.values)])[:-1]
+    for effect, value, first in zip(fit.effects, fit.values, begin, strict=True):
         if not effect.vector or len(value) < 2:
             continue
         others = [(e, v) for e, v in fit.by_effect.items() if e is not effect]
-        lost = np.diag(fit.information)[end : end + len(value)] * value**2
-        for axis in np.flatnonzero(lost < _NOTHING):
+        lost = [_alone(fit.information, first + axis) * value[axis] ** 2 for axis in range(len(value))]
+        for axis in np.flatnonzero(np.array(lost) < _NOTHING):
             left = effect.variant[:axis] + effect.variant[axis + 1 :]
             forms = (form for form in effects if form.key == effect.key and form.variant == left)
             found += [paired([*others, (form, np.delete(value, axis))]) for form in forms]
     return found
+
+
+def _alone(information: Array, number: int) -> float:
+    """What is known of a parameter that no other one makes up."""
+    rest = np.delete(np.arange(len(information)), number)
+    shared = information[number, rest]
+    return float(information[number, number] - shared @ np.linalg.pinv(information[np.ix_(rest, rest)]) @ shared)
 
 
 def _forms(

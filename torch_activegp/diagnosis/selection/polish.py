@@ -60,7 +60,7 @@ def polish(shooting: Shooting, selection: Selection, effects: Sequence[Effect]) 
         compare(shooting, selection, sets, best, race=np.inf, below=[selection.below(some) for some, _ in sets])
         if gained <= _SETTLED and selection.score(selection.best) > selection.score(best) - _SETTLED:
             break
-        former = [best] if selection.best.keys != best.keys else []
+        former = [best] if selection.best.effects != best.effects else []
 
 
 def _in_fewer_axes(selection: Selection, fits: Sequence[Fit], effects: Sequence[Effect]) -> list[Set]:

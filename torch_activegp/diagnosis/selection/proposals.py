@@ -176,16 +176,19 @@ def simpler(
     return fresh + [some for some in plain if known.get(frozenset(some[0]), np.inf) > close]
 
 
-def with_another_past(best: Fit, effects: Sequence[Effect], known: Collection[frozenset[Effect]]) -> list[Set]:
+def with_another_past(
+    best: Fit, effects: Sequence[Effect], known: Collection[frozenset[Effect]], free: Collection[tuple[str, str]] = ()
+) -> list[Set]:
     """A set with another form of a name in it that remembers, and so without each of the others.
 
     Args:
         best: the set.
         effects: what is tried.
         known: the sets that were fitted; they are left out.
+        free: (name, target) pairs that are no names; they stay.
     """
-    pairs = list(best.by_effect.items())
-    parts = [pairs, *([pair for pair in pairs if pair[0] is not effect] for effect in best.effects)]
+    pairs, names = list(best.by_effect.items()), [effect for effect in best.effects if effect.key not in free]
+    parts = [pairs, *([pair for pair in pairs if pair[0] is not name] for name in names)]
     sets = [some for part in parts for some in other_forms(part, effects)]
     return [some for some in sets if frozenset(some[0]) not in known and _changes_past(some, best)]
 

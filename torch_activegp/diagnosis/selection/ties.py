@@ -55,11 +55,12 @@ def ties_of(
     return tuple(dict.fromkeys([*alone, *late, *as_two(rivals, best, effect, tunable), *one]))
 
 
-def told_apart_by(shooting: Shooting) -> float:
-    """The score by which sets must differ to be told apart: more where something touches."""
+def told_apart_by(shooting: Shooting, best: Fit) -> float:
+    """The score by which sets must differ to be told apart: more where something touches now and then."""
     engine = shooting.engine
-    touches = poses_that_touch(engine.model, engine.channels, shooting.segments.runs)[1]
-    return _STRIKES if touches.mean() > TOUCHING else TIE
+    part = float(poses_that_touch(engine.model, engine.channels, shooting.segments.runs)[1].mean())
+    strikes = TOUCHING < part < 1.0 or any(effect.name == "joint_stop" for effect in best.effects)
+    return _STRIKES if strikes else TIE
 
 
 def swapped(rivals: Rivals, best: Fit, effect: Effect, within: float = TIE) -> tuple[tuple[str, str], ...]:
