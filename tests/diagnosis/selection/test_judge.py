@@ -351,12 +351,6 @@ def test_noise_may_be_coloured_where_it_is_seen_or_could_not_be_but_a_video_is_j
     assert not _may_be_coloured(dataclasses.replace(shooting, segments=dataclasses.replace(slow, runs=videos)))
     coloured = dataclasses.replace(shooting.noise, colour=np.ones_like(shooting.noise.colour))
     assert _may_be_coloured(dataclasses.replace(shooting, noise=coloured))
-    for filtered in (False, True):  # else they are glitches
-        runs = [
-            dataclasses.replace(run, left_out=np.arange(len(run)) % 2 == 1, thinned=filtered) for run in segments.runs
-        ]
-        some = dataclasses.replace(shooting, segments=dataclasses.replace(segments, runs=tuple(runs)))
-        assert _may_be_coloured(some) == filtered
 
 
 def test_a_slight_colour_of_the_noise_makes_no_set_inadequate(bench, monkeypatch) -> None:

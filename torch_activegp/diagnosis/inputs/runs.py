@@ -101,7 +101,6 @@ class Run:
         coupling: how far a displacement of one of them moves each channel, ``(C, P)``.
         video: whether the errors of the positions last, as those of a video do.
         left_out: which recorded rows count for nothing: glitches, what a filter made; ``(K + 1,)``; None where none.
-        thinned: whether a filter made some.
         notes: which of its rows were left out, in words.
     """
 
@@ -118,7 +117,6 @@ class Run:
     coupling: Array | None = None
     video: bool = False
     left_out: NDArray[np.bool_] | None = None
-    thinned: bool = False
     notes: tuple[str, ...] = ()
 
     @property
@@ -172,8 +170,9 @@ def _laid(
     step = float(np.median(np.diff(recording.time.numpy())))
     if step > _SLOWEST:
         raise DataError(
-            f"{recording.label}, column `time`: seconds wanted, found a row every {step:.4g}, too few for motion. "
-            'If the clock counts ms or us, say so (--columns MAP.toml, `time = { unit = "ms" }`); else record faster.'
+            f"{recording.label}, column `time`: seconds wanted, found a row every {step:.4g}; no motion of a machine "
+            "is followed like that. If the clock counts ms or us, say so in a column map (--columns MAP.toml, "
+            '`time = { unit = "ms" }`); else record faster.'
         )
     columns = [f"qpos.{joint}" for joint in channels.joints]
     turning = [joint for joint, hinge in zip(channels.joints, channels.hinge, strict=True) if hinge]
@@ -256,8 +255,9 @@ def _check_columns(recording: Recording, model: mujoco.MjModel, names: Mapping[s
     for actuator in recording.actuators:
         if actuator not in actuators:
             raise DataError(
-                f"{recording.label}, column `ctrl.{actuator}`: the model has no actuator `{actuator}`; its actuators "
-                f"are {', '.join(sorted(actuators)) or 'none'}. Rename the column, or map it (--columns MAP.toml)."
+                f"{recording.label}, column `ctrl.{actuator}`: the model has no actuator `{actuator}`; its "
+                f"actuators are {', '.join(sorted(actuators)) or 'none'}. Rename the column, or map it "
+                "(--columns MAP.toml)."
             )
 
 

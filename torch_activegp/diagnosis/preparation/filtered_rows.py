@@ -44,4 +44,4 @@ def _apart(run: Run, seconds: float) -> Run:
     for row in np.flatnonzero(run.counted):
         if run.time[row] - last > seconds - 0.5 * float(np.median(run.dt)):
             kept[row], last = True, run.time[row]
-    return dataclasses.replace(run, left_out=run.recorded & ~kept, thinned=True)
+    return dataclasses.replace(run, left_out=run.recorded & ~kept)

@@ -203,11 +203,11 @@ def _nameless(shooting: Shooting, fit: Fit, left: Omnibus, rivals: _Compared) ->
 def _may_be_coloured(shooting: Shooting) -> bool:
     """Whether what is left may be the noise's own colour: it is seen, or would not be; not that of videos.
 
-    Nor would it be in the rows that are left of a filtered recording (`preparation/filtered_rows.py`).
+    Not in the rows that are left of a filtered recording, though a right name was lost there: in a control a backlash
+    gained more than 100 too.
     """
-    runs = shooting.segments.runs
-    coloured = bool(shooting.noise.colour.any()) or shooting.hides_colour or any(run.thinned for run in runs)
-    return coloured and not any(run.video for run in runs)
+    coloured = bool(shooting.noise.colour.any()) or shooting.hides_colour
+    return coloured and not any(run.video for run in shooting.segments.runs)
 
 
 def _visible(shooting: Shooting, fit: Fit, left: Omnibus) -> bool:
