@@ -26,10 +26,8 @@ def test_straight_lines_are_fitted_to_each_joint_of_each_segment(quiet) -> None:
             off = channel - np.polyval(np.polyfit(time, channel, 1), time)
             left += float((off**2).sum()) / scale**2
     assert straight_lines(quiet) == pytest.approx(left, rel=1e-6)
-    shifted = dataclasses.replace(quiet, offset=np.ones_like(segments.position) * segments.position)
-    assert straight_lines(shifted) == pytest.approx(
-        left, rel=1e-6
-    )  # what a simulation is corrected by is none of theirs
+    corrected = dataclasses.replace(quiet, offset=segments.position)  # which is a simulation's, and not theirs
+    assert straight_lines(corrected) == pytest.approx(left, rel=1e-6)
 
 
 @pytest.mark.parametrize(("skill", "given"), [(0.9, True), (1.1, False)])
@@ -46,6 +44,7 @@ def test_names_that_leave_much_of_doubtful_recordings_are_not_given(record, mode
     """A motor's controls that are recorded a hundred times too large: no name may stand for that."""
     left = [dataclasses.replace(bench.nominal, chi2=times * quiet.dof) for times in (0.9 * MUCH_LEFT, 1.1 * MUCH_LEFT)]
     assert [reservation(quiet, fit, DOUBT) is None for fit in left] == [True, False]
+    assert "leave 110 times the noise" in str(reservation(quiet, left[1], DOUBT))
     assert reservation(quiet, left[1], ()) is None
     runs = []
     for seed in range(4):

@@ -4,7 +4,7 @@ import mujoco
 import numpy as np
 import pytest
 
-from torch_activegp.diagnosis.simulation.touching import is_tied, touching, widened
+from torch_activegp.diagnosis.simulation.touching import is_tied, now_and_then, touching, widened
 
 
 def test_rows_at_a_limit_touch_and_a_wider_model_sees_them_before(bench) -> None:
@@ -57,3 +57,8 @@ def test_a_tendon_that_only_passes_on_what_a_drive_pulls_ties_nothing(tendon: st
         {cable if tendon else ""}{equality}</mujoco>""")
     assert model.ntendon == bool(tendon)
     assert is_tied(model) == tied
+
+
+@pytest.mark.parametrize(("touching_poses", "expected"), [(0, False), (1, False), (2, True), (99, True), (100, False)])
+def test_what_touches_now_and_then_does_so_neither_by_accident_nor_always(touching_poses: int, expected: bool) -> None:
+    assert now_and_then(np.arange(100) < touching_poses) == expected

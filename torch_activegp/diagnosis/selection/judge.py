@@ -177,10 +177,13 @@ def judge(shooting: Shooting, selection: Selection) -> Judgement:
     crowded = crowded and after.excess > SOME_NOISE * shooting.dof
     seen = SEEN if count < MANY else SEEN_BEHIND_MANY
     most = seen if _visible(shooting, best, after) else INADEQUATE
-    for times, share in ((CLEAR, SEEN_CLEARLY), (LOUD, SEEN_LOUD)):
-        most = min(most, share) if best.chi2 > times * shooting.dof else most
-    for strict, share in ((selection.cut_short, SEEN_IN_VAIN), (len(tuned) >= CORRECTIONS, SEEN_BEHIND_CORRECTIONS)):
-        most = min(most, share) if strict else most
+    bars = (
+        (best.chi2 > CLEAR * shooting.dof, SEEN_CLEARLY),
+        (best.chi2 > LOUD * shooting.dof, SEEN_LOUD),
+        (selection.cut_short, SEEN_IN_VAIN),
+        (len(tuned) >= CORRECTIONS, SEEN_BEHIND_CORRECTIONS),
+    )
+    most = min([most, *(share for holds, share in bars if holds)])
     verdict = "tie" if any(ties) else "named"
     if after.p_value < DOUBT and (unexplained > most or crowded):
         clear = plain and score(nominal) - score(best) > BEHIND_COLOUR  # what is fitted along follows colours too

@@ -9,7 +9,7 @@ import numpy as np
 
 from torch_activegp.diagnosis.inputs.runs import Array
 from torch_activegp.diagnosis.selection.proposals import Set, paired
-from torch_activegp.diagnosis.selection.screening import Atom, Screen
+from torch_activegp.diagnosis.selection.screening import Atom, Screen, without
 from torch_activegp.diagnosis.shooting.fit import Fit
 from torch_activegp.physics.effect import Effect
 
@@ -79,9 +79,9 @@ def in_fewer_axes(fit: Fit, effects: Sequence[Effect]) -> list[Set]:
 
 def _alone(information: Array, number: int) -> float:
     """What is known of a parameter that no other one makes up."""
-    rest = np.delete(np.arange(len(information)), number)
-    shared = information[number, rest]
-    return float(information[number, number] - shared @ np.linalg.pinv(information[np.ix_(rest, rest)]) @ shared)
+    order = [*(i for i in range(len(information)) if i != number), number]
+    left, _ = without(len(order) - 1, information[np.ix_(order, order)], np.zeros(len(order)))
+    return float(left[0, 0])
 
 
 def _forms(

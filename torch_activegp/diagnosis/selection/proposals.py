@@ -163,16 +163,15 @@ def simpler(
         free: (name, target) pairs that are no names; they stay.
     """
     pairs = list(zip(best.effects, best.values, strict=True))
-    fewer, plain = other_forms(pairs, effects), []
+    plain: list[Set] = []
     for effect, value in ((e, v) for e, v in pairs if e.key not in free):
         others = [(e, v) for e, v in pairs if e is not effect]
-        fewer += [paired(others), *other_forms(others, effects)] if others else []
         for law in effects:
             if contains(effect, law) and law.linear == 1:
                 alone = [*others, (law, np.array([value[: effect.linear].mean()]))]
                 plain += [paired([*alone, *more]) for more in ([], *_offset(best, effect, value, effects, free))]
     plain += [*map(paired, [*merged(pairs, effects), *pushes_alone(pairs, effects)]), *_once_less(pairs, effects)]
-    fresh = [some for some in fewer if frozenset(some[0]) not in known and not _changes_past(some, best)]
+    fresh = [some for some in _fewer(best, effects, known, free) if not _changes_past(some, best)]
     return fresh + [some for some in plain if known.get(frozenset(some[0]), np.inf) > close]
 
 
@@ -187,10 +186,19 @@ def with_another_past(
         known: the sets that were fitted; they are left out.
         free: (name, target) pairs that are no names; they stay.
     """
-    pairs, names = list(best.by_effect.items()), [effect for effect in best.effects if effect.key not in free]
-    parts = [pairs, *([pair for pair in pairs if pair[0] is not name] for name in names)]
-    sets = [some for part in parts for some in other_forms(part, effects)]
-    return [some for some in sets if frozenset(some[0]) not in known and _changes_past(some, best)]
+    return [some for some in _fewer(best, effects, known, free) if _changes_past(some, best)]
+
+
+def _fewer(
+    best: Fit, effects: Sequence[Effect], known: Collection[frozenset[Effect]], free: Collection[tuple[str, str]]
+) -> list[Set]:
+    """A set with another form of each of its names, and without each of the others; not those that are known."""
+    pairs = list(zip(best.effects, best.values, strict=True))
+    fewer = other_forms(pairs, effects)
+    for effect in (e for e in best.effects if e.key not in free):
+        others = [pair for pair in pairs if pair[0] is not effect]
+        fewer += [paired(others), *other_forms(others, effects)] if others else []
+    return [some for some in fewer if frozenset(some[0]) not in known]
 
 
 def _changes_past(some: Set, best: Fit) -> bool:

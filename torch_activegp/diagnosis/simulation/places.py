@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from torch_activegp.diagnosis.inputs.runs import Array, Channels, Run, median_step
 from torch_activegp.diagnosis.simulation.prescribed_motion import only_on
-from torch_activegp.diagnosis.simulation.touching import TOUCHING, poses_that_touch
+from torch_activegp.diagnosis.simulation.touching import now_and_then, poses_that_touch
 from torch_activegp.physics import Effect, Place, catalogue
 from torch_activegp.physics.body import BodyEffect
 from torch_activegp.physics.servo import ServoLaw
@@ -54,7 +54,7 @@ def _free(model: mujoco.MjModel, channels: Channels, runs: Sequence[Run]) -> Arr
     """The range of each channel beyond which the model touched something in all poses, ``(C, 2)``; it may be all."""
     poses, touches = poses_that_touch(model, channels, runs)
     ends = np.array([[-np.inf, np.inf]] * poses.shape[1])
-    if not TOUCHING < touches.mean() < 1.0:
+    if not now_and_then(touches):
         return ends
     low, high = poses[~touches].min(axis=0), poses[~touches].max(axis=0)
     for side, beyond in enumerate((poses < low, poses > high)):

@@ -43,6 +43,11 @@ def poses_that_touch(model: mujoco.MjModel, channels: Channels, runs: Sequence[R
     return np.concatenate(poses), np.concatenate(touches)
 
 
+def now_and_then(touches: NDArray[np.bool_]) -> bool:
+    """Whether something touches in some poses, and not by accident: neither in hardly any nor in all, ``(N,)``."""
+    return bool(TOUCHING < touches.mean() < 1.0)
+
+
 def is_tied(model: mujoco.MjModel) -> bool:
     """Whether equalities tie bodies of a model together, or tendons that do more than pass on what a drive pulls."""
     tendons = model.tendon_limited, model.tendon_frictionloss, model.tendon_armature
