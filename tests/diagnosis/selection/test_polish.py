@@ -80,3 +80,21 @@ def test_one_name_is_fitted_in_place_of_two_of_which_one_seemed_to_undo_a_tuning
     assert bool(two_sided) is free
     if free:
         assert two_sided[0].chi2 < 1.01 * both.chi2
+
+
+def test_a_set_that_was_overtaken_is_shown_the_way_of_the_other(bench, monkeypatch) -> None:
+    """However far behind it is then: nobody showed it the states by which the other one fell so far."""
+    wet, drag = bench.fit("viscous_friction", 0.05), bench.effect("quadratic_drag")
+    (rival,) = bench.shooting.fit([((drag,), (np.array([0.05]),))], wet.starts)
+    near = dataclasses.replace(rival, chi2=wet.chi2 + 5.0)
+    shown: list[tuple[str, str]] = []
+
+    def again(precise, fit, best):
+        shown.append((fit.effects[0].name, best.effects[0].name))
+        return dataclasses.replace(fit, chi2=wet.chi2 - 50.0 if fit is near else wet.chi2 - 60.0)
+
+    monkeypatch.setattr("torch_activegp.diagnosis.selection.polish._again", again)
+    chosen = Selection(bench.nominal, [bench.nominal, wet, near], Score(bench.shooting.samples, 5, 1.0))
+    polish(bench.shooting, chosen, [wet.effects[0], drag])
+    assert shown[:2] == [("quadratic_drag", "viscous_friction"), ("viscous_friction", "quadratic_drag")]
+    assert chosen.best.effects == wet.effects
