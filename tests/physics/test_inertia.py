@@ -8,8 +8,14 @@ import mujoco.batch
 import numpy as np
 import pytest
 
-from torch_activegp.physics import Place
-from torch_activegp.physics.inertia import ArmatureError, CenterOfMassOffset, GravityError, pulls_of_gravity
+from torch_activegp.physics import Place, catalogue
+from torch_activegp.physics.inertia import (
+    ArmatureError,
+    CenterOfMassOffset,
+    GravityError,
+    axes_of_gravity,
+    pulls_of_gravity,
+)
 
 SLIDE = """
 <mujoco><option timestep="0.001" gravity="0 0 0"/><worldbody><body name="cart">
@@ -72,6 +78,16 @@ def test_gravity_is_a_constant_force_on_slides_that_nothing_turns() -> None:
     tilted = GravityError.along(0, 2, pulls=pulls)
     assert tilted.push(np.array([0.1, -2.0]), "joint:x") == pytest.approx(-0.65)
     assert tilted.push(np.array([0.1, -2.0]), "joint:swing") == 0.0
+
+
+def test_gravity_is_tried_along_axes_that_some_joint_feels(bench: Any) -> None:
+    slide = mujoco.MjModel.from_xml_string(SLIDE)
+    tried = {effect.variant for effect in catalogue(slide, [], [], []) if effect.name == "gravity_error"}
+    assert tried == {"x"}
+    assert axes_of_gravity(bench.model) == (0, 2)  # its joints turn about y
+    assert axes_of_gravity(mujoco.MjModel.from_xml_string(CRANE)) == (0, 1, 2)
+    still = SLIDE.replace('name="cart"', 'name="cart" gravcomp="1"')
+    assert axes_of_gravity(mujoco.MjModel.from_xml_string(still)) == ()
 
 
 def test_the_centre_on_two_axes_begins_where_it_is_on_one() -> None:

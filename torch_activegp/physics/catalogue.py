@@ -15,7 +15,13 @@ from torch_activegp.physics.actuator import ActuatorEffect
 from torch_activegp.physics.backlash import BACKLASH
 from torch_activegp.physics.effect import Array, Effect
 from torch_activegp.physics.friction import FRICTION
-from torch_activegp.physics.inertia import ArmatureError, CenterOfMassOffset, GravityError, pulls_of_gravity
+from torch_activegp.physics.inertia import (
+    ArmatureError,
+    CenterOfMassOffset,
+    GravityError,
+    axes_of_gravity,
+    pulls_of_gravity,
+)
 from torch_activegp.physics.joint import JointEffect
 from torch_activegp.physics.motor_side import MOTOR_SIDE
 from torch_activegp.physics.payload import DensityError, PayloadAlong, PayloadAside, PayloadMass
@@ -83,7 +89,8 @@ def catalogue(
     effects: list[Effect] = [kind.at(place, model) for place, kind in pairs if kind.fits(place, model)]
     effects += body_effects(model)
     pulls = pulls_of_gravity(model)
-    effects += [GravityError.along(*axes, pulls=pulls) for axes in _AXES]
+    felt = set(axes_of_gravity(model))
+    effects += [GravityError.along(*axes, pulls=pulls) for axes in _AXES if felt.issuperset(axes)]
     places = {JointEffect: joints, ActuatorEffect: actuators, SensorEffect: sensors}
     taken = {kind.name for kind in _LISTED}
     for kind in more:

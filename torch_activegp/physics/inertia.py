@@ -15,6 +15,9 @@ from torch_activegp.physics.joint import JointEffect, driven
 from torch_activegp.physics.place import Place
 from torch_activegp.physics.rotor import add_rotor
 
+_NOTHING = 1e-9
+"""Part of the strongest pull of gravity that is rounding."""
+
 
 class ArmatureError(JointEffect):
     """Inertia of a rotor behind a gear: MJCF's ``joint armature``."""
@@ -141,6 +144,25 @@ def pulls_of_gravity(model: mujoco.MjModel) -> dict[str, Array]:
             name = model.joint(joint).name or f"joint{joint}"
             out[f"joint:{name}"] = mass[body] * data.xaxis[joint]
     return out
+
+
+def axes_of_gravity(model: mujoco.MjModel) -> tuple[int, ...]:
+    """Axes of the world along which gravity pulls at a joint, as it stands at first or elsewhere: 0, 1 and 2.
+
+    An arm that moves in a plane feels two of them, a slide on rails one: others would be tried in vain.
+    """
+    data, mass = mujoco.MjData(model), model.body_mass * (1.0 - model.body_gravcomp)
+    rng, jacobian, felt = np.random.default_rng(0), np.zeros((3, model.nv)), np.zeros(3)
+    for size in (0.0, 1.0, 1.0, 1.0):
+        mujoco.mj_integratePos(model, data.qpos, size * rng.standard_normal(model.nv), 1.0)
+        mujoco.mj_kinematics(model, data)
+        mujoco.mj_comPos(model, data)
+        pulls = np.zeros((3, model.nv))
+        for body in range(1, model.nbody):
+            mujoco.mj_jacBodyCom(model, data, jacobian, None, body)
+            pulls += mass[body] * jacobian
+        felt = np.maximum(felt, abs(pulls).max(axis=1, initial=0.0))
+    return tuple(int(axis) for axis in np.flatnonzero(felt > _NOTHING * felt.max()))
 
 
 def _carries(model: mujoco.MjModel, body: int, other: int) -> bool:

@@ -27,6 +27,9 @@ its contact harder. Where nothing was missing, one stood for time steps of 1 ms 
 _SOFT, _BOUNCES = 0.1, 0.2
 """Part of a hard stop's stiffness from which on another stop is hard itself; damping of a hard one, of half the
 critical."""
+_STICKIEST = 5.0
+"""Times the critical damping that a stop may have: one that hardly springs back is a damping of a part of the way. On a
+drive with other friction one way than the other (EMPS), a stop without stiffness stood for that."""
 _IMPEDANCE = 1e-4
 _FAR = 1e4
 
@@ -99,6 +102,10 @@ class JointStop(JointEffect):
         depth = self.side * position - values[2]
         push = values[0] * depth + values[1] * self.side * velocity
         return np.where(depth > 0, -self.side * np.maximum(push, 0.0), 0.0)
+
+    def plausible(self, values: Array) -> bool:
+        """Whether it springs back."""
+        return bool(values[1] <= _STICKIEST * 2.0 * np.sqrt(max(values[0], 0.0) * self.inertia))
 
     def write(self, spec: mujoco.MjSpec, values: Array) -> bool:
         """Writes ``joint range`` with ``solreflimit`` and ``solimplimit``, where the joint has no limits yet.

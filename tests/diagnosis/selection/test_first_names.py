@@ -53,6 +53,16 @@ def test_what_was_put_aside_is_tried_where_all_since_leaves_as_much(bench, times
     assert naming.yet_to_try(judged, bench.shooting) == (sets if tried else [])
 
 
+def test_what_was_put_aside_and_is_part_of_what_was_found_is_not_tried_again(bench) -> None:
+    wet, dry, both = (bench.effect(name) for name in ("viscous_friction", "coulomb_friction", "asymmetric_friction"))
+    one = np.array([0.05])
+    sets = [((wet,), (one,)), ((dry,), (one,)), ((wet, dry), (one, one))]
+    naming = Naming(bench.engine, bench.shooting, bench.nominal, bench.nominal, aside=sets)
+    for found, left in (((wet,), sets[1:]), ((both,), sets[1:]), ((wet, dry), []), ((), sets)):
+        judged = dataclasses.replace(bench.nominal, chi2=20.0 * bench.shooting.dof, effects=found)
+        assert naming.yet_to_try(judged, bench.shooting) == left
+
+
 @pytest.mark.parametrize("far", [True, False])
 def test_names_from_brief_pieces_lead_on_where_the_nominal_is_far_off(bench, monkeypatch, far) -> None:
     """They need not be the right ones: here the mismatch is too small for so brief a look."""

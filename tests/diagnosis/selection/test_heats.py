@@ -85,6 +85,15 @@ def test_of_many_only_the_first_and_what_is_close_to_the_best_pass(bench) -> Non
     assert len(found) == 3
 
 
+def test_a_set_that_began_from_several_first_guesses_is_one_of_the_first(bench) -> None:
+    part, which = bench.shooting.subset(0.5, bench.nominal.per_segment)
+    names_ = (WET, LOAD, "cubic_spring", "linear_spring", "quadratic_drag")
+    many = [((bench.effect(name),), (np.array([0.01]),)) for name in names_]
+    expected = names(near(part, which, many, bench.nominal, [1e3] * 5).sets)
+    again = [((bench.effect(expected[0]),), (np.array([start]),)) for start in (0.02, 0.03)]
+    assert names(near(part, which, [*many, *again], bench.nominal, [1e3] * 7).sets) == expected
+
+
 def test_what_passes_begins_from_the_states_found_on_the_part(bench, sets) -> None:
     part, which = bench.shooting.subset(0.5, bench.nominal.per_segment)
     found, starts = near(part, which, sets, bench.nominal, [20.0, 20.0])

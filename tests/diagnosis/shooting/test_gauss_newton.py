@@ -182,6 +182,23 @@ def test_states_are_fitted_alone_twice_at_most_from_one_point(bench) -> None:
     assert len({id(one) for one in alone if one is not None}) == 2
 
 
+@pytest.mark.parametrize("waits", [True, False])
+def test_one_waits_while_states_follow_a_first_step_that_promises_most(bench, waits: bool) -> None:
+    begin = bench.fit("viscous_friction", 0.05)
+    fit = bench.shooting.fit([(begin.effects, begin.values)], begin.starts)[0]
+    value = np.array([0.5]) if waits else fit.values[0] + 1e-3
+    problem = Problem(bench.shooting, fit.effects, (value,), fit.starts, smooth=fit.starts)
+    seen: list[bool] = []
+    for number in range(30):
+        candidates, states = problem.ask()
+        derivatives = problem.known is not None or not number
+        white = bench.shooting.residuals_from(states, candidates)
+        problem.tell(white if derivatives else np.full_like(white, 1e4), last=False)
+        seen.append(problem.waits)
+    assert seen[0] is waits
+    assert not seen[-1]  # the step was refused
+
+
 def test_where_the_states_have_settled_no_segment_is_braked(bench) -> None:
     """What they could not follow alone they may follow with the parameters."""
     fit = bench.fit("viscous_friction", 0.05)

@@ -11,10 +11,11 @@ from torch_activegp.diagnosis.shooting.score import Score
 class Racer:
     """A fit on its way."""
 
-    def __init__(self, chi2: float, resting: object = None, effects=(), values=(), at_rest: bool = False) -> None:
-        self.chi2, self.resting, self.effects, self.values, self.at_rest = chi2, resting, effects, values, at_rest
+    def __init__(self, chi2: float, resting: object = None, effects=None, values=(), at_rest: bool = False) -> None:
+        self.chi2, self.resting, self.values, self.at_rest = chi2, resting, values, at_rest
+        self.effects = (object(),) if effects is None else effects
         self.best = Point(np.concatenate([np.zeros(0), *values]), np.zeros((1, 2)), np.array([chi2]))
-        self.finished = self.settles = False
+        self.finished = self.waits = False
 
 
 def test_those_far_behind_give_up_and_the_best_three_go_on() -> None:
@@ -29,6 +30,14 @@ def test_those_far_behind_give_up_and_the_best_three_go_on() -> None:
     behind = [Racer(5000.0), Racer(5000.0, resting=object()), Racer(35.0, resting=object())]
     Race().give_up(behind, [Racer(10.0), Racer(20.0), Racer(30.0)], only_misled=True)
     assert [racer.finished for racer in behind] == [False, True, False]
+
+
+def test_a_set_that_began_from_several_first_guesses_takes_one_place() -> None:
+    many, other, late = ("stop",), Racer(20.0), Racer(5000.0)
+    Race().give_up([*(Racer(10.0, effects=many) for _ in range(3)), other, late])
+    assert not late.finished
+    Race().give_up([Racer(10.0, effects=many), other, late], [Racer(30.0)])
+    assert late.finished
 
 
 def test_where_all_fail_none_is_far_behind() -> None:
@@ -91,6 +100,6 @@ def test_what_may_undo_a_tuning_counts_without_its_name(bench) -> None:
 
 def test_one_whose_states_are_still_sought_is_not_given_up() -> None:
     racers = [Racer(chi2) for chi2 in (10.0, 20.0, 30.0, 5000.0, 6000.0)]
-    racers[3].settles = True
+    racers[3].waits = True
     Race().give_up(racers)
     assert [racer.finished for racer in racers] == [False, False, False, False, True]

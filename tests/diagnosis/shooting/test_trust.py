@@ -30,3 +30,13 @@ def test_steps_get_shorter_until_they_are_too_short(trust) -> None:
 
 def test_parameters_stay_within_their_bounds(trust) -> None:
     np.testing.assert_array_equal(trust.inside(np.array([-1.0])), [0.0])
+
+
+def test_it_begins_until_a_step_helped_or_was_refused(trust) -> None:
+    assert trust.begins
+    trust.lengthen()
+    assert not trust.begins
+    trust.begin()
+    assert trust.begins
+    trust.shorten(hopeful=True)
+    assert not trust.begins

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 from collections.abc import Sequence
 from typing import NamedTuple
 
@@ -14,6 +15,7 @@ from torch_activegp.diagnosis.shooting.fit import Fit
 from torch_activegp.diagnosis.shooting.likelihood import Shooting
 from torch_activegp.diagnosis.shooting.race import Race
 from torch_activegp.diagnosis.shooting.score import Score
+from torch_activegp.physics.effect import Effect
 
 PART = 0.2
 """Least share of the segments."""
@@ -27,6 +29,9 @@ _LENIENT = 0.3
 """And so much of it is enough there: effects act more in some segments than in others."""
 _FIRST, _CLOSE, _NEAR = 3, 60.0, 0.1
 """So many sets pass in any case, and those that are behind the best by less chi2, or by less of what the best gains."""
+
+_SAME = 0.01
+"""Values that differ by less, relative to themselves, are the same place."""
 
 
 class Heat(NamedTuple):
@@ -98,7 +103,8 @@ def near(
 ) -> Heat:
     """Those of some sets whose chi2 on a part of the data is below that of a fit and a bar on top, one for each.
 
-    And, with that bar, among the best three or close to the best: others hardly become the best on all data.
+    And, with that bar, among the best three or close to the best: others hardly become the best on all data. A set that
+    began from several first guesses is one of the three, and passes once for each place where it ended.
 
     Args:
         part: the likelihood over some of the S segments.
@@ -113,11 +119,24 @@ def near(
     """
     here = fit.pick(which)
     trials = part.fit(sets, here.starts, race=Race(work=work), near=here, below=here)
-    levels = np.array([trial.chi2 - bar for trial, bar in zip(trials, bars, strict=True)])
-    best = np.sort(levels)[:_FIRST]
-    close = best[0] + max(_CLOSE, _NEAR * (here.chi2 - best[0])) if len(best) else 0.0
-    passed = [trials[i] for i in np.flatnonzero((levels < here.chi2) & (levels <= max(close, *best)))]
+    ended = sorted(zip(trials, bars, strict=True), key=lambda pair: pair[0].chi2 - pair[1])
+    first: dict[frozenset[Effect], float] = {}
+    for trial, bar in ended:
+        first.setdefault(frozenset(trial.effects), trial.chi2 - bar)
+    best = list(first.values())[:_FIRST]
+    close = max(best[0] + max(_CLOSE, _NEAR * (here.chi2 - best[0])), best[-1]) if best else 0.0
+    passed: list[Fit] = []
+    for trial, bar in ended:
+        if trial.chi2 - bar < here.chi2 and trial.chi2 - bar <= close and not any(_same(trial, old) for old in passed):
+            passed.append(trial)
     starts = np.repeat(fit.starts[None], len(passed), axis=0)
     for states, trial in zip(starts, passed, strict=True):
         states[which] = trial.starts
     return Heat([(trial.effects, trial.values) for trial in passed], starts)
+
+
+def _same(one: Fit, other: Fit) -> bool:
+    """Whether two fits of a set ended in the same place."""
+    return one.effects == other.effects and all(
+        map(functools.partial(np.allclose, rtol=_SAME), one.values, other.values)
+    )

@@ -20,7 +20,7 @@ from torch_activegp.diagnosis.shooting.trust import Trust
 from torch_activegp.diagnosis.simulation.candidate import Candidate
 from torch_activegp.physics.effect import Effect
 
-SETTLE, _MUCH, _LITTLE, _HOPE = 4, 0.02, 0.05, 0.01
+SETTLE, _MUCH, _LITTLE, _HOPE, _MOST = 4, 0.02, 0.05, 0.01, 0.5
 _STALE = 2
 """Steps with old derivatives by the states, before new ones where the last step still changed much."""
 _FAR = 1.3
@@ -87,9 +87,11 @@ class Problem:
         return self._design is not None and self._follower is None
 
     @property
-    def settles(self) -> bool:
-        """Whether its states still move alone, longer than those of others."""
-        return self._followers.rescued and self._settling > 0
+    def waits(self) -> bool:
+        """Whether its states move alone, longer than those of others, or follow a first step that promises most."""
+        if self._still:
+            return self._followers.rescued and self._settling > 0
+        return self._trust.begins and self._predicted > _MOST * self.chi2
 
     @property
     def _hopeful(self) -> bool:
@@ -125,8 +127,7 @@ class Problem:
                 return
             self._brakes.take(follower.chosen)
             self._trial_starts, self._follower, white = follower.point.starts, None, follower.residual[None]
-        self.only = None
-        residual = white[0].copy()  # a view would keep all of what was asked for
+        self.only, residual = None, white[0].copy()  # a view would keep all of what was asked for
         per_segment = chi2_of(residual)
         first, alone = self.best is None, self.best is not None and len(white) == 1
         if alone and self._still:
@@ -253,8 +254,7 @@ class Problem:
         known = Point(self._trial, self._trial_starts, per_segment)
         self._follower = self._followers.behind(trial, known, residual, self.best, shift, self._hopeful)
         if self._follower is None:
-            again = self._anew if self._age else self._shorten
-            again()
+            (self._anew if self._age else self._shorten)()
 
     def _anew(self, misled: bool = True) -> None:
         """Goes on from the best point with new derivatives: precise ones where those that there were misled."""

@@ -27,6 +27,11 @@ class Trust:
         self._effects, self._damping = effects, _FIRST
         self._low, self._high = bounds(effects)
 
+    @property
+    def begins(self) -> bool:
+        """Whether no step has helped yet, and none was refused."""
+        return self._damping == _FIRST
+
     def begin(self) -> None:
         """As at first."""
         self._damping = _FIRST
