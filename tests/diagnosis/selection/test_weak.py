@@ -90,6 +90,25 @@ def test_a_law_with_more_parameters_is_named_where_only_noise_is_left_behind_it(
     assert (found is chosen) != noise_alone
 
 
+@pytest.mark.parametrize(("gain", "more", "told"), [(32.0, 0, True), (28.0, 0, False), (32.0, 1, False)])
+def test_a_law_is_told_from_one_that_it_contains_where_all_that_is_left_looks_like_noise(
+    clean, monkeypatch, gain: float, more: int, told: bool
+) -> None:
+    """Stribeck's two parameters more than Coulomb's; but not where another name comes with them."""
+    monkeypatch.setattr(weak, "omnibus", lambda *_: Omnibus(100.0, 1e-4))
+    shooting, chosen = recorded(clean, 0.0)
+    dry, law, other = (clean.effect(name) for name in ("coulomb_friction", "stribeck_friction", "armature_error"))
+    score = dataclasses.replace(chosen.score, material=0.05, mismatch=1e4)
+    best = dataclasses.replace(chosen.best, effects=(dry,), values=(np.ones(1),))
+    effects, values = (law, *[other][:more]), (law.seeds[0], *[np.ones(1)][:more])
+    rich = dataclasses.replace(best, effects=effects, values=values, chi2=best.chi2 - gain - 1e3 * more)
+    compared = dataclasses.replace(chosen, fits=[chosen.nominal, best, rich], score=score)
+    found = also_weak(shooting, compared, [dry, law])
+    assert compared.best is (rich if more else best)
+    assert (found is not compared) is told
+    assert (found.best is rich) is (told or more > 0)
+
+
 @pytest.mark.parametrize("better", [True, False])
 def test_a_better_set_that_the_search_for_what_is_weak_comes_across_is_taken(clean, monkeypatch, better: bool) -> None:
     """As strong a name as any, which was missed before: no name more, and it need not leave noise alone."""
