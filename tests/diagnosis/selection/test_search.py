@@ -216,7 +216,26 @@ def test_a_search_ends_where_it_has_computed_enough(bench, monkeypatch) -> None:
     whole = select(bench.shooting, effects, bench.nominal)
     assert (short.cut_short, whole.cut_short) == (True, False)
     assert short.best.keys == whole.best.keys == {("viscous_friction", "joint:hip")}
+    assert whole.swapped == frozenset(whole.best.effects)
     assert 1.0 < middle - begun < 0.9 * (bench.shooting.work - middle)
+
+
+@pytest.mark.parametrize(
+    ("swapped", "developed", "noise_alone", "cut_short"),
+    [(1, True, 1.1, False), (0, True, 1.1, True), (1, False, 1.1, True), (1, True, 0.1, True)],
+)
+def test_a_search_is_not_cut_short_where_nothing_would_be_tried_any_more(
+    bench, monkeypatch, swapped: int, developed: bool, noise_alone: float, cut_short: bool
+) -> None:
+    """What could stand in place of the effect was tried, it took the rest of the work, and noise alone is left."""
+    monkeypatch.setattr(module, "NOISE_ALONE", noise_alone)
+    begin = bench.fit("viscous_friction", 0.05)
+    fit = bench.shooting.fit([(begin.effects, begin.values)], begin.starts)[0]
+    selection = Selection(bench.nominal, [bench.nominal, fit], Score(bench.shooting.samples, 60, 1.0))
+    selection.swapped = frozenset(fit.effects[:swapped])
+    selection.developed |= {frozenset(fit.effects)} if developed else set()
+    search(selection, bench.shooting, bench.effects, lambda words: None, Depth(work=0.0))
+    assert selection.cut_short is cut_short
 
 
 def test_a_search_that_ends_there_simplifies_what_it_found_last(bench, monkeypatch) -> None:

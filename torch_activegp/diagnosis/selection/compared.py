@@ -44,6 +44,7 @@ class Selection:
         parts: fits of parts of a set that were not compared, by the effects of the set and theirs.
         developed: sets on top of which others were fitted.
         simplified: chi2 of the best sets in place of which simpler ones were tried, and the scores that these had.
+        swapped: the set in place of whose effects others were tried last.
         tunable: all effects that a modeller may have tuned.
         tunable_gains: the most that one of these gains on top of the nominal, and all together, to first order; None
             until they are asked for.
@@ -57,6 +58,7 @@ class Selection:
     parts: dict[tuple[frozenset[Effect], frozenset[Effect]], Fit] = dataclasses.field(default_factory=dict)
     developed: set[frozenset[Effect]] = dataclasses.field(default_factory=set)
     simplified: set[tuple[float, Score]] = dataclasses.field(default_factory=set)
+    swapped: frozenset[Effect] = frozenset()
     tunable: tuple[Effect, ...] = ()
     tunable_gains: tuple[float, float] | None = None
 

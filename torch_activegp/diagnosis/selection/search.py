@@ -17,7 +17,7 @@ from torch_activegp.diagnosis.selection.stepwise import one_by_one
 from torch_activegp.diagnosis.selection.tuning import is_a_tuning
 from torch_activegp.diagnosis.shooting.fit import Fit
 from torch_activegp.diagnosis.shooting.likelihood import Shooting
-from torch_activegp.diagnosis.shooting.score import Score
+from torch_activegp.diagnosis.shooting.score import NOISE_ALONE, Score
 from torch_activegp.physics.effect import Effect
 
 BEAM = 2
@@ -147,7 +147,7 @@ def search(
 
     resorts = _resorts(selection, shooting, effects, tell, depth, step_by_step)
     skipped: Seen = set()
-    for _ in _rounds(selection, shooting, effects, depth):
+    for _ in _rounds(selection, shooting, effects, depth, skipped):
         beam = _beam(selection, shooting, skipped)
         if not beam and not next(resorts, False):
             break
@@ -158,15 +158,28 @@ def search(
             simplify(selection, shooting, effects)
 
 
-def _rounds(selection: Selection, shooting: Shooting, effects: Sequence[Effect], depth: Depth) -> Iterator[int]:
+def _rounds(
+    selection: Selection, shooting: Shooting, effects: Sequence[Effect], depth: Depth, skipped: Seen
+) -> Iterator[int]:
     """Rounds of a search, each with a best set that was compared fairly, as long as there is work left."""
     for number in range(depth.rounds):
         be_fair(selection, shooting)
         if shooting.work > depth.work:
-            selection.cut_short = True
+            selection.cut_short = not _is_complete(selection, shooting, skipped)
             simplify(selection, shooting, effects)  # what came last in place of an effect too
             return
         yield number
+
+
+def _is_complete(selection: Selection, shooting: Shooting, skipped: Seen) -> bool:
+    """Whether nothing would be tried any more: noise alone is left, and what could stand in place of each effect was.
+
+    A weak spring behind filtered noise was found at once, its rivals took the rest of the work, and a search that had
+    found all that there was to find was called cut short: `unknown`.
+    """
+    best, seen = selection.best, set(skipped)
+    alone = best.chi2 < NOISE_ALONE * shooting.dof and selection.swapped == frozenset(best.effects)
+    return alone and not any(_is_promising(selection, shooting, fit, seen) for fit in _beam(selection, shooting, seen))
 
 
 def _beam(selection: Selection, shooting: Shooting, skipped: Seen) -> list[Fit]:
@@ -215,11 +228,11 @@ def _swapped(
     selection: Selection, shooting: Shooting, effects: Sequence[Effect], tell: Callable[[str], None], depth: Depth
 ) -> Iterator[bool]:
     """Others in place of each effect of the best set, so often at most, as long as another set becomes the best."""
-    swapped: frozenset[Effect] = frozenset()
+    selection.swapped = frozenset()
     for _ in range(depth.swaps):
-        if frozenset(selection.best.effects) == swapped or hopeless(selection, shooting):
+        if frozenset(selection.best.effects) == selection.swapped or hopeless(selection, shooting):
             break
-        swapped = frozenset(selection.best.effects)
+        selection.swapped = frozenset(selection.best.effects)
         tell("testing what could stand in place of each effect")
         swap(selection, shooting, effects, depth.work + min(depth.more, _MORE))
         yield True
