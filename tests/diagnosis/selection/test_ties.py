@@ -5,7 +5,16 @@ import dataclasses
 import numpy as np
 import pytest
 
-from torch_activegp.diagnosis.selection.ties import as_one, as_two, is_as_late, is_one_way, ties_of, told_apart_by
+from torch_activegp.diagnosis.selection import ties as module
+from torch_activegp.diagnosis.selection.ties import (
+    as_one,
+    as_part,
+    as_two,
+    is_as_late,
+    is_one_way,
+    ties_of,
+    told_apart_by,
+)
 from torch_activegp.diagnosis.shooting.score import TIE
 
 
@@ -27,6 +36,24 @@ def test_a_friction_of_two_levels_may_be_one_level_and_a_push(bench) -> None:
     tunable = [bias, wet, dataclasses.replace(push, target="joint:knee")]
     assert set(as_two(same, one, rich, tunable)) == {*both, bias.key}  # a bias pushes as a force does
     assert as_two(same[:1], one, rich, tunable) == ()
+
+
+@pytest.mark.parametrize(("sure", "worse", "tied"), [(9.0, 0.0, True), (11.0, 0.0, False), (9.0, 0.01, False)])
+def test_a_weak_law_is_not_told_from_those_that_contain_it(
+    bench, monkeypatch, sure: float, worse: float, tied: bool
+) -> None:
+    monkeypatch.setattr(module, "certainty", lambda *_: sure**2)
+    rich = next(e for e in bench.effects if e.name == "asymmetric_friction" and "viscous_friction" in e.covers)
+    wet, push, drag = (bench.effect(name) for name in ("viscous_friction", "constant_force", "quadratic_drag"))
+    one, two = np.array([0.05]), np.array([0.05, 0.06])
+    begin = dataclasses.replace(bench.nominal, effects=(wet, push), values=(one, one))
+    law = dataclasses.replace(begin, effects=(rich, push), values=(two, one), chi2=(1.0 + worse) * begin.chi2)
+    more = dataclasses.replace(begin, effects=(rich, push, drag), values=(two, one, one))
+    other = dataclasses.replace(begin, effects=(drag, push), values=(one, one))
+    rivals = [(begin, 0.0, 1.0), (law, 20.0, 0.0), (other, 30.0, 0.0), (more, 40.0, 0.0)]
+    assert as_part(bench.shooting, rivals, begin, wet) == ((rich.key,) if tied else ())
+    assert as_part(bench.shooting, rivals, begin, push) == ()
+    assert as_part(bench.shooting, rivals[2:], begin, wet) == ()  # never beside another name
 
 
 def test_one_level_and_a_tuned_push_may_be_a_friction_of_two_levels(bench) -> None:

@@ -74,15 +74,20 @@ def is_certain(shooting: Shooting, fit: Fit, effects: Sequence[Effect], alone: b
         alone: at least as sure as by 4 standard errors of the one effect, for no other name is sure.
     """
     amplitudes = np.concatenate([fit.by_effect[effect] for effect in effects])
-    if sum(effect.linear for effect in effects) < amplitudes.size or not fit.information.size:
+    if sum(effect.linear for effect in effects) < amplitudes.size:
         return True
-    where = np.concatenate([np.arange(fit.size)[_columns(fit, effect)] for effect in effects])
-    block = np.ix_(where, where)
-    if not fit.information[block].any():
-        return True
-    far = wald(amplitudes, covariance(shooting, fit)[block]) / amplitudes.size
+    far = certainty(shooting, fit, *effects) / amplitudes.size
     bar = stats.f.ppf(2 * _LEVEL - 1, amplitudes.size, _free(shooting, fit))
     return bool(far > max(bar, stats.chi2.ppf(_ALONE, amplitudes.size) / amplitudes.size if alone else 0.0))
+
+
+def certainty(shooting: Shooting, fit: Fit, *effects: Effect) -> float:
+    """Wald's statistic of the parameters of some effects of a fit; infinite where nothing is known of them."""
+    where = np.concatenate([np.arange(fit.size)[_columns(fit, effect)] for effect in effects])
+    block = np.ix_(where, where)
+    if not fit.information.size or not fit.information[block].any():
+        return np.inf
+    return wald(np.concatenate([fit.by_effect[effect] for effect in effects]), covariance(shooting, fit)[block])
 
 
 def _columns(fit: Fit, effect: Effect) -> slice:

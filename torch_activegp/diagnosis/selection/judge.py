@@ -15,7 +15,7 @@ from torch_activegp.diagnosis.selection.free_force import free_force_columns
 from torch_activegp.diagnosis.selection.intervals import is_certain
 from torch_activegp.diagnosis.selection.own_limits import is_own_limit
 from torch_activegp.diagnosis.selection.prospects import MAX_EFFECTS
-from torch_activegp.diagnosis.selection.ties import is_one_way, swapped, ties_of, told_apart_by
+from torch_activegp.diagnosis.selection.ties import as_part, is_one_way, swapped, ties_of, told_apart_by
 from torch_activegp.diagnosis.selection.tuning import is_a_tuning
 from torch_activegp.diagnosis.shooting.elimination import eliminate, scaled
 from torch_activegp.diagnosis.shooting.fit import Fit
@@ -170,7 +170,9 @@ def judge(shooting: Shooting, selection: Selection) -> Judgement:
     order, shares = tuple(order[i] for i in kept), tuple(shares[i] for i in kept)
     probabilities = tuple(_probability(rivals, effect) for effect in order)
     one_way = is_one_way(shooting)
-    ties = tuple(ties_of(rivals, best, effect, retuned, tuned, one_way, selection.tunable, within) for effect in order)
+    alike = [ties_of(rivals, best, effect, retuned, tuned, one_way, selection.tunable, within) for effect in order]
+    wider = [as_part(shooting, rivals, best, effect) for effect in order]
+    ties = tuple(tuple(dict.fromkeys([*one, *more])) for one, more in zip(alike, wider, strict=True))
     sets = math.comb(max(score.names, len(best.effects)), len(best.effects))
     p_value = 2.0 * min(before.p_value, float(stats.chi2.sf(gain / score.scale, best.size)) * sets)
     crowded = count >= MAX_EFFECTS and unexplained > (CROWDED if count == MAX_EFFECTS else OVERCROWDED)
