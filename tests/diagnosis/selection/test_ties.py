@@ -38,16 +38,24 @@ def test_a_friction_of_two_levels_may_be_one_level_and_a_push(bench) -> None:
     assert as_two(same[:1], one, rich, tunable) == ()
 
 
-@pytest.mark.parametrize(("sure", "worse", "tied"), [(9.0, 0.0, True), (11.0, 0.0, False), (9.0, 0.01, False)])
-def test_a_weak_law_is_not_told_from_those_that_contain_it(
-    bench, monkeypatch, sure: float, worse: float, tied: bool
+@pytest.mark.parametrize(
+    ("sure", "worse", "back", "tied"),
+    [
+        (9.0, 5.0, 0.06, True),
+        (11.0, 5.0, 0.06, False),
+        (11.0, 5.0, 0.08, True),  # and differs by half
+        (9.0, 7.0, 0.08, False),
+    ],
+)
+def test_a_law_is_not_told_from_those_that_contain_it_where_it_is_weak_or_these_differ_and_fit(
+    bench, monkeypatch, sure: float, worse: float, back: float, tied: bool
 ) -> None:
     monkeypatch.setattr(module, "certainty", lambda *_: sure**2)
     rich = next(e for e in bench.effects if e.name == "asymmetric_friction" and "viscous_friction" in e.covers)
     wet, push, drag = (bench.effect(name) for name in ("viscous_friction", "constant_force", "quadratic_drag"))
-    one, two = np.array([0.05]), np.array([0.05, 0.06])
+    one, two = np.array([0.05]), np.array([0.05, back])
     begin = dataclasses.replace(bench.nominal, effects=(wet, push), values=(one, one))
-    law = dataclasses.replace(begin, effects=(rich, push), values=(two, one), chi2=(1.0 + worse) * begin.chi2)
+    law = dataclasses.replace(begin, effects=(rich, push), values=(two, one), chi2=worse + begin.chi2)
     more = dataclasses.replace(begin, effects=(rich, push, drag), values=(two, one, one))
     other = dataclasses.replace(begin, effects=(drag, push), values=(one, one))
     rivals = [(begin, 0.0, 1.0), (law, 20.0, 0.0), (other, 30.0, 0.0), (more, 40.0, 0.0)]

@@ -108,7 +108,7 @@ def join(fit: Fit, atoms: Iterable[Atom]) -> Set:
         more = atom.values.copy()
         inside = [i for i, e in enumerate(effects) if contains(atom.effect, e)]
         for i in inside:
-            more += _part(atom.effect, float(values[i][0])) if effects[i].linear == 1 else 0.0
+            more += of_part(atom.effect, float(values[i][0])) if effects[i].linear == 1 else 0.0
         effects = [*(e for i, e in enumerate(effects) if i not in inside), atom.effect]
         values = [*(v for i, v in enumerate(values) if i not in inside), more]
     return tuple(effects), tuple(values)
@@ -140,7 +140,7 @@ def beginning(effect: Effect, value: Array, pairs: Iterable[tuple[Effect, Array]
     """
     for old, there in pairs:
         if contains(effect, old) and old.linear == 1:
-            return effect.absent(value) + _part(effect, float(there[0]))
+            return effect.absent(value) + of_part(effect, float(there[0]))
     return value
 
 
@@ -290,7 +290,7 @@ def without_weak(fit: Fit, price: Callable[[Effect], float]) -> Set | None:
     return tuple(e for e, _ in kept), tuple(v for _, v in kept)
 
 
-def _part(effect: Effect, amplitude: float) -> Array:
+def of_part(effect: Effect, amplitude: float) -> Array:
     """The part of an effect's parameters that a simpler law of some amplitude makes."""
     out = np.zeros(len(effect.parameters))
     out[: effect.linear if effect.name.startswith("asymmetric") else 1] = amplitude
