@@ -121,3 +121,31 @@ def test_a_joint_without_a_filter_beside_one_with_it_has_its_own_noise(make_plai
     found = steep_filters([run])
     assert found[0] is None
     assert found[1] is not None
+
+
+def short(make_plain_run, joints: int, behind: bool, noise: float = LOUD) -> list:
+    """Three runs of five seconds at 100 Hz: masses under forces of up to 10 Hz, louder from run to run, and noise."""
+    rng, rows, runs = np.random.default_rng(3), 500, []
+    for loud in (1.0, 4.0, 12.0):
+        force = signal.filtfilt(*signal.butter(4, 0.2), rng.normal(size=(rows + 400, joints)), axis=0)
+        values = loud * signal.lfilter([1e-3], [1.0, -1.97, 0.972], force, axis=0)
+        values = values + noise * rng.normal(size=values.shape)
+        if behind:
+            values = signal.filtfilt(*signal.butter(2, 0.48), values, axis=0)
+        run = make_plain_run(values[200:-200], noise=1e-6)
+        runs.append(dataclasses.replace(run, time=np.arange(rows) / 100.0))
+    return runs
+
+
+def test_a_filter_that_no_joint_shows_alone_is_seen_in_all_together(make_plain_run) -> None:
+    runs = short(make_plain_run, 7, behind=True)
+    some = [[dataclasses.replace(run, position=run.position[:, c : c + 2]) for run in runs] for c in range(6)]
+    assert [steep_filters(pair) for pair in some] == [[None, None]] * 6
+    found = steep_filters(runs)
+    noise = signal.filtfilt(*signal.butter(2, 0.48), LOUD * np.random.default_rng(0).normal(size=20000))
+    assert [one and one.scale for one in found] == pytest.approx([noise.std()] * 7, rel=0.2)
+
+
+@pytest.mark.parametrize("noise", [LOUD, 1e-8])
+def test_joints_without_a_filter_show_none_together(make_plain_run, noise: float) -> None:
+    assert steep_filters(short(make_plain_run, 7, behind=False, noise=noise)) == [None] * 7

@@ -37,6 +37,7 @@ _STEEPER = 0.15
 Its noise was taken for 40 to 1200 times what it was."""
 _AS_CLOSE = (1.3, 0.01)
 """So much more misfit than the least, times and plus, is as close."""
+_JOINTS = 3
 _COMPLETE = 0.9
 _JITTER = 0.02
 _FINEST = 3e-5
@@ -90,19 +91,44 @@ def moves_quickly(runs: Sequence[Run], channel: int) -> bool:
 def steep_filters(runs: Sequence[Run]) -> list[Shelf | None]:
     """For each channel the filter that took so much from the end of the spectrum that what is left looks like motion.
 
-    Where the motion hides that the noise is level, those of other joints are tried, for joints are filtered alike.
+    Where the motion hides that the noise is level, those of other joints are tried, for joints are filtered alike; and
+    where each is hidden, that which the joints show together.
     """
     channels = range(runs[0].position.shape[1])
     wanted = [c for c in channels if _may_be_steep(runs, c)]
     own = {c: _steep(runs, c, partial(shelf, lowest=LOWEST * median_step(runs))) for c in wanted}
-    known = [one for one in own.values() if one is not None]
+    known = [one for one in own.values() if one is not None] or _together(runs, wanted)
     return [own[c] or _behind_another(runs, c, known) if c in own else None for c in channels]
 
 
 def _behind_another(runs: Sequence[Run], channel: int, known: Sequence[Shelf]) -> Shelf | None:
-    """The first of some filters that a channel is behind."""
-    found = (_steep(runs, channel, partial(shelf_behind, known=one)) for one in known)
+    """The first of some filters that a channel is behind, in all runs or in one."""
+    found = (
+        _steep(some, channel, partial(shelf_behind, known=one))
+        for one in known
+        for some in (runs, *([r] for r in runs))
+    )
     return next((one for one in found if one is not None), None)
+
+
+def _together(runs: Sequence[Run], channels: Sequence[int]) -> list[Shelf]:
+    """The filters that the joints of single runs show together, least noise first; none of fewer than three joints.
+
+    Motion up to the corner leaves few level bins, which scatter in a run of five seconds; and runs move by different
+    amounts. On an arm of seven joints at 100 Hz noise of 0.36 mrad was taken for 0.03, and the right names left 307
+    times that.
+    """
+    found = []
+    for run in runs:
+        spectra = [seen for c in channels if (seen := _spectrum(run, c)) is not None]
+        if len(spectra) < _JOINTS:
+            continue
+        levels = np.log([power for _, power in spectra])
+        typical = np.array_split(levels, 3, axis=1)[0].mean(axis=1, keepdims=True)
+        pooled = np.exp(np.median(levels - typical, axis=0) + typical.mean())
+        one = shelf(spectra[0][0], pooled, LOWEST * median_step(runs))
+        found += [] if one is None else [one]
+    return sorted(found, key=lambda one: one.scale)
 
 
 def _may_be_steep(runs: Sequence[Run], channel: int) -> bool:
