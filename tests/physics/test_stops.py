@@ -94,6 +94,6 @@ def test_a_soft_first_guess_comes_with_a_stop_that_ends_the_motion_on_the_way_th
 def test_a_stop_springs_back(bench: Any) -> None:
     stop = JointStop.at(bench.shoulder, bench.model)
     critical = 2.0 * np.sqrt(100.0 * stop.inertia)
-    ends = [np.array(values) for values in ([100.0, critical, 0.5], [100.0, 6.0 * critical, 0.5], [0.0, 40.0, 0.5])]
+    ends = [np.array(values) for values in ([100.0, critical, 0.5], [100.0, 11.0 * critical, 0.5], [0.0, 40.0, 0.5])]
     assert [stop.plausible(values) for values in ends] == [True, False, False]
     assert stop.plausible(np.array([100.0, 0.0, 0.5]))

@@ -27,9 +27,9 @@ its contact harder. Where nothing was missing, one stood for time steps of 1 ms 
 _SOFT, _BOUNCES = 0.1, 0.2
 """Part of a hard stop's stiffness from which on another stop is hard itself; damping of a hard one, of half the
 critical."""
-_STICKIEST = 5.0
-"""Times the critical damping that a stop may have: one that hardly springs back is a damping of a part of the way. On a
-drive with other friction one way than the other (EMPS), a stop without stiffness stood for that."""
+_STICKIEST = 10.0
+"""Times the critical damping that a stop may have: one that does not spring back is a damping of a part of the way. On
+a drive with other friction one way than the other (EMPS), a stop without any stiffness stood for that."""
 _IMPEDANCE = 1e-4
 _FAR = 1e4
 

@@ -146,6 +146,17 @@ def test_a_filter_that_no_joint_shows_alone_is_seen_in_all_together(make_plain_r
     assert [one and one.scale for one in found] == pytest.approx([noise.std()] * 7, rel=0.2)
 
 
+@pytest.mark.parametrize("rests", [0.0, 0.3])
+def test_a_joint_that_rests_hides_no_filter_of_the_others(make_plain_run, rests: float) -> None:
+    still = []
+    for run in short(make_plain_run, 7, behind=True):
+        position = run.position.copy()
+        position[:, 2] = rests
+        still.append(dataclasses.replace(run, position=position))
+    found = steep_filters(still)
+    assert [one is not None for one in found] == [True, True, False, True, True, True, True]
+
+
 @pytest.mark.parametrize("noise", [LOUD, 1e-8])
 def test_joints_without_a_filter_show_none_together(make_plain_run, noise: float) -> None:
     assert steep_filters(short(make_plain_run, 7, behind=False, noise=noise)) == [None] * 7

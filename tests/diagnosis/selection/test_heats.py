@@ -94,6 +94,16 @@ def test_a_set_that_began_from_several_first_guesses_is_one_of_the_first(bench) 
     assert names(near(part, which, [*many, *again], bench.nominal, [1e3] * 7).sets) == expected
 
 
+@pytest.mark.parametrize(("times", "same"), [(1.009, True), (1.011, False)])
+def test_a_set_passes_once_for_each_place_where_it_ended(bench, times: float, same: bool) -> None:
+    """However small its values are, and in whatever order its effects."""
+    wet, load = bench.effect(WET), bench.effect(LOAD)
+    one = dataclasses.replace(bench.nominal, effects=(wet, load), values=(np.array([1e-9]), np.zeros(1)))
+    other = dataclasses.replace(one, effects=(load, wet), values=(np.zeros(1), np.array([times * 1e-9])))
+    assert module._same(one, other) is same
+    assert not module._same(one, dataclasses.replace(one, effects=(wet,), values=one.values[:1]))
+
+
 def test_what_passes_begins_from_the_states_found_on_the_part(bench, sets) -> None:
     part, which = bench.shooting.subset(0.5, bench.nominal.per_segment)
     found, starts = near(part, which, sets, bench.nominal, [20.0, 20.0])

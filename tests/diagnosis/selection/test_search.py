@@ -221,11 +221,11 @@ def test_a_search_ends_where_it_has_computed_enough(bench, monkeypatch) -> None:
 
 
 @pytest.mark.parametrize(
-    ("swapped", "developed", "noise_alone", "cut_short"),
-    [(1, True, 1.1, False), (0, True, 1.1, True), (1, False, 1.1, True), (1, True, 0.1, True)],
+    ("swapped", "developed", "noise_alone", "complete"),
+    [(1, True, 1.1, True), (0, True, 1.1, False), (1, False, 1.1, False), (1, True, 0.1, False)],
 )
-def test_a_search_is_not_cut_short_where_nothing_would_be_tried_any_more(
-    bench, monkeypatch, swapped: int, developed: bool, noise_alone: float, cut_short: bool
+def test_a_search_is_complete_where_nothing_would_be_tried_any_more(
+    bench, monkeypatch, swapped: int, developed: bool, noise_alone: float, complete: bool
 ) -> None:
     """What could stand in place of the effect was tried, it took the rest of the work, and noise alone is left."""
     monkeypatch.setattr(module, "NOISE_ALONE", noise_alone)
@@ -234,8 +234,28 @@ def test_a_search_is_not_cut_short_where_nothing_would_be_tried_any_more(
     selection = Selection(bench.nominal, [bench.nominal, fit], Score(bench.shooting.samples, 60, 1.0))
     selection.swapped = frozenset(fit.effects[:swapped])
     selection.developed |= {frozenset(fit.effects)} if developed else set()
+    assert module._is_complete(selection, bench.shooting, set()) is complete
+
+
+@pytest.mark.parametrize("within", [True, False])
+def test_others_were_tried_in_place_of_an_effect_where_that_ended_within_its_work(bench, monkeypatch, within) -> None:
+    begin = bench.fit("viscous_friction", 0.05)
+    fit = bench.shooting.fit([(begin.effects, begin.values)], begin.starts)[0]
+    monkeypatch.setattr(module, "swap", lambda *_: None)
+    selection = Selection(bench.nominal, [bench.nominal, fit], Score(bench.shooting.samples, 60, 1.0))
+    depth = Depth(work=bench.shooting.work + (0.0 if within else -1.0), more=0.0)
+    list(module._swapped(selection, bench.shooting, bench.effects, lambda words: None, depth))
+    assert (selection.swapped == frozenset(fit.effects)) is within
+
+
+def test_what_is_simplified_last_counts_for_what_is_complete(bench, monkeypatch) -> None:
+    two = bench.fit("asymmetric_friction", 0.06, 0.06)
+    selection = Selection(bench.nominal, [bench.nominal, two], Score(bench.shooting.samples, 60, 1.0))
+    judged: list[tuple[str, ...]] = []
+    seen = lambda selection, *_: judged.append(tuple(e.name for e in selection.best.effects))  # noqa: E731
+    monkeypatch.setattr(module, "_is_complete", seen)
     search(selection, bench.shooting, bench.effects, lambda words: None, Depth(work=0.0))
-    assert selection.cut_short is cut_short
+    assert judged == [("viscous_friction",)]
 
 
 def test_a_search_that_ends_there_simplifies_what_it_found_last(bench, monkeypatch) -> None:

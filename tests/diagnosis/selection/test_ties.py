@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from torch_activegp.diagnosis.selection import ties as module
+from torch_activegp.diagnosis.selection.compared import Selection
 from torch_activegp.diagnosis.selection.ties import (
     as_one,
     as_part,
@@ -15,7 +16,7 @@ from torch_activegp.diagnosis.selection.ties import (
     ties_of,
     told_apart_by,
 )
-from torch_activegp.diagnosis.shooting.score import TIE
+from torch_activegp.diagnosis.shooting.score import TIE, Score
 
 
 def test_a_friction_of_two_levels_may_be_one_level_and_a_push(bench) -> None:
@@ -51,17 +52,27 @@ def test_a_law_is_not_told_from_those_that_contain_it_where_it_is_weak_or_these_
     bench, monkeypatch, sure: float, worse: float, back: float, tied: bool
 ) -> None:
     monkeypatch.setattr(module, "certainty", lambda *_: sure**2)
-    rich = next(e for e in bench.effects if e.name == "asymmetric_friction" and "viscous_friction" in e.covers)
+    laws = [e for e in bench.effects if e.name == "asymmetric_friction"]
+    dry, rich = (next(e for e in laws if name in e.covers) for name in ("coulomb_friction", "viscous_friction"))
     wet, push, drag = (bench.effect(name) for name in ("viscous_friction", "constant_force", "quadratic_drag"))
     one, two = np.array([0.05]), np.array([0.05, back])
     begin = dataclasses.replace(bench.nominal, effects=(wet, push), values=(one, one))
-    law = dataclasses.replace(begin, effects=(rich, push), values=(two, one), chi2=worse + begin.chi2)
-    more = dataclasses.replace(begin, effects=(rich, push, drag), values=(two, one, one))
-    other = dataclasses.replace(begin, effects=(drag, push), values=(one, one))
-    rivals = [(begin, 0.0, 1.0), (law, 20.0, 0.0), (other, 30.0, 0.0), (more, 40.0, 0.0)]
-    assert as_part(bench.shooting, rivals, begin, wet) == ((rich.key,) if tied else ())
-    assert as_part(bench.shooting, rivals, begin, push) == ()
-    assert as_part(bench.shooting, rivals[2:], begin, wet) == ()  # never beside another name
+
+    def beside(*effects, chi2: float = 0.0, values=two):
+        return dataclasses.replace(begin, effects=effects, values=(values, *[one] * 2)[: len(effects)], chi2=chi2)
+
+    law, worst = beside(rich, push, chi2=begin.chi2 + worse), begin.chi2 + 1e3
+    others = [beside(dry, push, chi2=begin.chi2 + 0.5), beside(rich, push, drag), beside(drag, push, values=one)]
+    others += [beside(rich, drag, chi2=begin.chi2)]  # in the force's place too
+    score = Score(bench.shooting.samples, 60, 1.0)
+    selection = Selection(bench.nominal, [begin, *others, beside(rich, push, chi2=worst), law], score)
+    monkeypatch.setattr(Selection, "best", begin)
+    assert as_part(bench.shooting, selection, wet) == ((rich.key,) if tied else ())
+    assert as_part(bench.shooting, selection, push) == ()
+    selection.fits.pop()
+    assert as_part(bench.shooting, selection, wet) == ()
+    selection.score = dataclasses.replace(score, scale=1e3)
+    assert as_part(bench.shooting, selection, wet) == ((rich.key,) if sure < 10.0 or back > 0.075 else ())
 
 
 def test_one_level_and_a_tuned_push_may_be_a_friction_of_two_levels(bench) -> None:

@@ -139,9 +139,25 @@ def test_one_correction_undoes_a_tuning_where_the_others_were_at_their_best(
     damping, rotor = bench.effect("viscous_friction"), bench.effect("armature_error")
     best = dataclasses.replace(bench.fit("viscous_friction", bench.viscous), chi2=bench.nominal.chi2 - 1000.0)
     selection = Selection(bench.nominal, [bench.nominal, best], Score(bench.shooting.samples, 60, 1.0))
-    selection.tunable_gains = 100.0, 1000.0 * together
+    selection.tunable_gains = {rotor: 100.0}, 1000.0 * together
     assert is_a_tuning(bench.shooting, selection, [rotor], [damping]) is tuned
     assert is_a_tuning(bench.shooting, selection, [rotor, rotor], [damping])
+
+
+@pytest.mark.parametrize(
+    ("count", "where", "tuned"), [(2, "joint:knee", False), (3, "joint:knee", True), (3, "", False)]
+)
+def test_three_corrections_say_which_joints_were_tuned(bench, monkeypatch, count: int, where: str, tuned: bool) -> None:
+    """What a joint lacks that none of them acts on was left as it was."""
+    monkeypatch.setattr("torch_activegp.diagnosis.selection.tuning.only_undoes", lambda *_: True)
+    monkeypatch.setattr("torch_activegp.diagnosis.selection.tuning.fitted", lambda *_: bench.nominal)
+    drag, rotor = bench.effect("quadratic_drag"), bench.effect("armature_error")
+    gain = bench.effect("actuator_gain", "actuator:drive")
+    assert gain.drives == rotor.target
+    best = dataclasses.replace(bench.fit("quadratic_drag", 0.01), chi2=bench.nominal.chi2 - 1000.0)
+    selection = Selection(bench.nominal, [bench.nominal, best], Score(bench.shooting.samples, 60, 1.0))
+    selection.tunable_gains = {dataclasses.replace(rotor, target=where or rotor.target): 600.0}, 900.0
+    assert is_a_tuning(bench.shooting, selection, [gain, rotor, rotor][:count], [drag]) is tuned
 
 
 @pytest.mark.parametrize(("count", "needed", "left", "tuned"), [
@@ -155,5 +171,5 @@ def test_many_corrections_that_no_few_names_make_up_for_are_a_tuning(
     damping, rotor = bench.effect("viscous_friction"), bench.effect("armature_error")
     best = dataclasses.replace(bench.fit("viscous_friction", bench.viscous), chi2=left * bench.shooting.dof)
     selection = Selection(bench.nominal, [bench.nominal, best], Score(bench.shooting.samples, 60, 1.0))
-    selection.tunable_gains = 0.0, 0.0
+    selection.tunable_gains = {}, 0.0
     assert is_a_tuning(bench.shooting, selection, [rotor] * count, [damping], needed) is tuned

@@ -38,6 +38,9 @@ def test_a_set_that_began_from_several_first_guesses_takes_one_place() -> None:
     assert not late.finished
     Race().give_up([Racer(10.0, effects=many), other, late], [Racer(30.0)])
     assert late.finished
+    same = [Racer(chi2, effects=many) for chi2 in (10.0, 20.0, 30.0, 5000.0, 6000.0)]
+    Race().give_up(same)
+    assert [racer.finished for racer in same] == [False, False, False, True, True]
 
 
 def test_where_all_fail_none_is_far_behind() -> None:

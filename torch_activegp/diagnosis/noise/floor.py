@@ -120,7 +120,8 @@ def _together(runs: Sequence[Run], channels: Sequence[int]) -> list[Shelf]:
     """
     found = []
     for run in runs:
-        spectra = [seen for c in channels if (seen := _spectrum(run, c)) is not None]
+        each = ((c, _spectrum(run, c)) for c in channels)
+        spectra = [seen for c, seen in each if seen is not None and seen[1].min() > _rounding([run], c)]
         if len(spectra) < _JOINTS:
             continue
         levels = np.log([power for _, power in spectra])
@@ -213,12 +214,16 @@ def _above_motion(runs: Sequence[Run], channel: int) -> _Band | None:
         return None
     frequency, power, level = seen
     frequency, power = frequency[frequency >= lowest], power[frequency >= lowest]
-    rest = 1e-20 * max(float(np.abs(run.position[:, channel]).max()) for run in runs) ** 2
-    if power.min() <= rest:
+    if power.min() <= _rounding(runs, channel):
         return None
     poles, new = _closest(frequency, power)
     shown = new**2 * high_differences(poles)
     return _Band(poles, new, shown > _SHOWN * level or _moves(frequency, power))
+
+
+def _rounding(runs: Sequence[Run], channel: int) -> float:
+    """A power that is rounding alone, as where a joint rests."""
+    return float(1e-20 * max(float(np.abs(run.position[:, channel]).max()) for run in runs) ** 2)
 
 
 def _moves(frequency: Array, power: Array) -> bool:

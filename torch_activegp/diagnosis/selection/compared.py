@@ -44,10 +44,10 @@ class Selection:
         parts: fits of parts of a set that were not compared, by the effects of the set and theirs.
         developed: sets on top of which others were fitted.
         simplified: chi2 of the best sets in place of which simpler ones were tried, and the scores that these had.
-        swapped: the set in place of whose effects others were tried last.
+        swapped: the set in place of whose effects others were tried, all of them, in this search.
         tunable: all effects that a modeller may have tuned.
-        tunable_gains: the most that one of these gains on top of the nominal, and all together, to first order; None
-            until they are asked for.
+        tunable_gains: what each of these gains on top of the nominal, and all together, to first order; None until
+            they are asked for.
     """
 
     nominal: Fit
@@ -60,7 +60,7 @@ class Selection:
     simplified: set[tuple[float, Score]] = dataclasses.field(default_factory=set)
     swapped: frozenset[Effect] = frozenset()
     tunable: tuple[Effect, ...] = ()
-    tunable_gains: tuple[float, float] | None = None
+    tunable_gains: tuple[dict[Effect, float], float] | None = None
 
     @property
     def best(self) -> Fit:
@@ -252,3 +252,9 @@ def without_each(
         if again is fit or selection.add([again]):
             smaller.append((effect, again))
     return smaller
+
+
+def in_place(best: Fit, other: Fit) -> tuple[Effect, Effect] | None:
+    """The effect of a set, and the one in its place in another that is the same else; None where more is different."""
+    old, new = set(best.effects) - set(other.effects), set(other.effects) - set(best.effects)
+    return (old.pop(), new.pop()) if len(old) == len(new) == 1 else None

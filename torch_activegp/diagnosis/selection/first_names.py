@@ -177,8 +177,13 @@ def is_of(judged: Fit, effects: Sequence[Effect]) -> bool:
 
 
 def is_part(effects: Sequence[Effect], judged: Fit) -> bool:
-    """Whether a fit has each of some effects, in some form, or a law that contains it."""
-    return all(effect.key in judged.keys or any(contains(law, effect) for law in judged.effects) for effect in effects)
+    """Whether a fit has each of some effects, in a form that contains the same laws, or a law that contains it."""
+
+    def has(effect: Effect) -> bool:
+        same = ((law.key, law.covers) == (effect.key, effect.covers) for law in judged.effects)
+        return any(same) or any(contains(law, effect) for law in judged.effects)
+
+    return bool(np.isfinite(judged.chi2)) and all(map(has, effects))
 
 
 def besides(sets: Sets, judged: Fit) -> Sets:

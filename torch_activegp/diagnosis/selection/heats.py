@@ -137,6 +137,5 @@ def near(
 
 def _same(one: Fit, other: Fit) -> bool:
     """Whether two fits of a set ended in the same place."""
-    return one.effects == other.effects and all(
-        map(functools.partial(np.allclose, rtol=_SAME), one.values, other.values)
-    )
+    there, alike = other.by_effect, functools.partial(np.allclose, rtol=_SAME, atol=0.0)
+    return one.by_effect.keys() == there.keys() and all(alike(v, there[e]) for e, v in one.by_effect.items())

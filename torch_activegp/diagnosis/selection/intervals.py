@@ -76,7 +76,10 @@ def is_certain(shooting: Shooting, fit: Fit, effects: Sequence[Effect], alone: b
     amplitudes = np.concatenate([fit.by_effect[effect] for effect in effects])
     if sum(effect.linear for effect in effects) < amplitudes.size:
         return True
-    far = certainty(shooting, fit, *effects) / amplitudes.size
+    far = certainty(shooting, fit, *effects)
+    if not np.isfinite(far):
+        return True
+    far /= amplitudes.size
     bar = stats.f.ppf(2 * _LEVEL - 1, amplitudes.size, _free(shooting, fit))
     return bool(far > max(bar, stats.chi2.ppf(_ALONE, amplitudes.size) / amplitudes.size if alone else 0.0))
 

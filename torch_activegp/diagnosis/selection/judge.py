@@ -171,7 +171,7 @@ def judge(shooting: Shooting, selection: Selection) -> Judgement:
     probabilities = tuple(_probability(rivals, effect) for effect in order)
     one_way = is_one_way(shooting)
     alike = [ties_of(rivals, best, effect, retuned, tuned, one_way, selection.tunable, within) for effect in order]
-    wider = [as_part(shooting, rivals, best, effect) for effect in order]
+    wider = [as_part(shooting, selection, effect) for effect in order]
     ties = tuple(tuple(dict.fromkeys([*one, *more])) for one, more in zip(alike, wider, strict=True))
     sets = math.comb(max(score.names, len(best.effects)), len(best.effects))
     p_value = 2.0 * min(before.p_value, float(stats.chi2.sf(gain / score.scale, best.size)) * sets)

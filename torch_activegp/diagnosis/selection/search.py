@@ -108,11 +108,11 @@ def go_on(
     """
     selection.cut_short = False
     search(selection, shooting, effects, tell, depth)
-    found = selection.best
-    if not selection.cut_short:
+    found, goes_on = selection.best, not selection.cut_short and shooting.work <= depth.work
+    if goes_on:
         try_tuned(selection, shooting, effects)
     tuned = not selection.score.free and _seems_tuned(selection, shooting, effects)
-    if tuned and not selection.cut_short:
+    if tuned and goes_on:
         undo(selection, shooting, effects)
     if (tuned or selection.best is not found) and not selection.cut_short:
         simplify(selection, shooting, effects)
@@ -145,6 +145,7 @@ def search(
     def step_by_step(least: int = 1) -> bool:
         return depth.stepwise and one_by_one(selection, shooting, develop, may_go_on, least)
 
+    selection.swapped = frozenset()
     resorts = _resorts(selection, shooting, effects, tell, depth, step_by_step)
     skipped: Seen = set()
     for _ in _rounds(selection, shooting, effects, depth, skipped):
@@ -165,8 +166,8 @@ def _rounds(
     for number in range(depth.rounds):
         be_fair(selection, shooting)
         if shooting.work > depth.work:
-            selection.cut_short = not _is_complete(selection, shooting, skipped)
             simplify(selection, shooting, effects)  # what came last in place of an effect too
+            selection.cut_short = not _is_complete(selection, shooting, skipped)
             return
         yield number
 
@@ -228,13 +229,15 @@ def _swapped(
     selection: Selection, shooting: Shooting, effects: Sequence[Effect], tell: Callable[[str], None], depth: Depth
 ) -> Iterator[bool]:
     """Others in place of each effect of the best set, so often at most, as long as another set becomes the best."""
-    selection.swapped = frozenset()
+    begun: frozenset[Effect] = frozenset()
+    end = depth.work + min(depth.more, _MORE)
     for _ in range(depth.swaps):
-        if frozenset(selection.best.effects) == selection.swapped or hopeless(selection, shooting):
+        if frozenset(selection.best.effects) == begun or hopeless(selection, shooting):
             break
-        selection.swapped = frozenset(selection.best.effects)
+        begun = frozenset(selection.best.effects)
         tell("testing what could stand in place of each effect")
-        swap(selection, shooting, effects, depth.work + min(depth.more, _MORE))
+        swap(selection, shooting, effects, end)
+        selection.swapped = begun if shooting.work <= end else frozenset()
         yield True
 
 

@@ -6,6 +6,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from torch_activegp.diagnosis.selection.compared import Selection, in_place
 from torch_activegp.diagnosis.selection.intervals import certainty
 from torch_activegp.diagnosis.selection.merging import TWO_SIDED, push
 from torch_activegp.diagnosis.selection.proposals import contains, of_part
@@ -28,10 +29,11 @@ ALIKE = 0.002
 
 _SURE = 100.0
 """Wald's statistic of an amplitude from which on a simple law is told from those that contain it: a level ten standard
-errors from nothing shows whether the other direction has half of it. Of 23 frictions in the proof two were less sure
-(5.5 and 6.7 standard errors), and neither was the law that was named; the others were sure by 33 and more."""
+errors from nothing shows whether the other direction has half of it. Of 23 viscous and dry frictions that were named in
+the proof two were less sure (5.5 and 6.7 standard errors), and neither was the law that was missing."""
 _OTHER = 0.5
-"""Part of a simple law's amplitude by which a law that contains it is another one."""
+"""Part of a simple law's amplitude by which a law that contains it is another one. None of four right frictions in the
+proof has such a tie, and a Stribeck friction that passed for Coulomb's."""
 
 Rivals = Sequence[tuple[Fit, float, float]]
 """Compared sets, best first, with their scores less the best one's and their probabilities."""
@@ -112,25 +114,28 @@ def is_as_late(best: Fit, fit: Fit) -> bool:
     return any(as_late([(best, 0.0, 0.5), (fit, 0.0, 0.5)], best, effect) for effect in best.effects)
 
 
-def as_part(shooting: Shooting, rivals: Rivals, best: Fit, effect: Effect) -> tuple[tuple[str, str], ...]:
-    """The laws that contain a simple one and fit no worse, where they differ by half or nobody knows its shape.
+def as_part(shooting: Shooting, selection: Selection, effect: Effect) -> tuple[tuple[str, str], ...]:
+    """The laws that contain a simple one of the best set and fit no worse, where they differ by half or it is weak.
 
     Such a law costs more, and gains too little for its price; but the recordings do not say that it is not there. On a
     pendulum with dry friction of 0.04 N m, static parts from 0.02 to 0.05 N m fitted as well as none.
+
+    Args:
+        shooting: the likelihood.
+        selection: what was compared.
+        effect: of the best set.
     """
-    others = best.keys - {effect.key}
-    if effect.linear != 1:
+    best, found = selection.best, dict[tuple[str, str], None]()
+    if effect.linear != 1 or best.at_rest:
         return ()
     level, weak = float(best.by_effect[effect][0]), certainty(shooting, best, effect) < _SURE
-    found = []
-    for fit, _, _ in rivals[1:]:
-        law = next((law for law in fit.effects if contains(law, effect)), None)
-        if law is None or fit.keys != others | {law.key} or fit.chi2 - best.chi2 > TIE:
+    for fit in (fit for fit in selection.fits if fit.plausible and not fit.at_rest):
+        old, law = in_place(best, fit) or (None, effect)
+        if old is not effect or not contains(law, effect) or fit.chi2 - best.chi2 > TIE * selection.score.scale:
             continue
-        differs = abs(fit.by_effect[law] - of_part(law, level))[: law.linear].max() > _OTHER * abs(level)
-        if weak or differs:
-            found.append(law.key)
-    return tuple(dict.fromkeys(found))
+        if weak or abs(fit.by_effect[law] - of_part(law, level))[: law.linear].max() > _OTHER * abs(level):
+            found[law.key] = None
+    return tuple(found)
 
 
 def as_two(rivals: Rivals, best: Fit, effect: Effect, tunable: Sequence[Effect] = ()) -> tuple[tuple[str, str], ...]:

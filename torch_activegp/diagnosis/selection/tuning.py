@@ -86,7 +86,7 @@ def _overdamped(fit: Fit, effects: Sequence[Effect]) -> bool:
     """Whether a viscous friction comes out below zero on every joint that some effects act on."""
     pairs = list(zip(fit.effects, fit.values, strict=True))
     joints = {e.target for e, v in pairs if e in effects and e.name == "viscous_friction" and v[0] < 0.0}
-    return bool(joints) and all(getattr(e, "drives", e.target) in joints for e in effects)
+    return bool(joints) and all(_joint(e) in joints for e in effects)
 
 
 def _bar(shares: Sequence[float], count: int) -> float:
@@ -140,7 +140,7 @@ def is_a_tuning(
     runs.
     """
     clearly = needed and len(tunable) >= _MANY and selection.best.chi2 < NOISE_ALONE * shooting.dof
-    if (len(tunable) <= _FEW or clearly) and _was_not_tuned(shooting, selection, len(tunable)):
+    if (len(tunable) <= _FEW or clearly) and _was_not_tuned(shooting, selection, tunable):
         return False
     if clearly:
         return True
@@ -148,17 +148,29 @@ def is_a_tuning(
     return only_undoes(selection.nominal, alone, without, selection.best, needed)
 
 
-def _was_not_tuned(shooting: Shooting, selection: Selection, count: int) -> bool:
-    """Whether the nominal is far from the optimum of what a modeller would have tuned, for so many corrections."""
+def _was_not_tuned(shooting: Shooting, selection: Selection, tunable: Sequence[Effect]) -> bool:
+    """Whether the nominal is far from the optimum of what a modeller would have tuned, for so many corrections.
+
+    As many as count as few say which joints were tuned: the optimum is theirs. Behind a cart's gain, rotor and damping,
+    which gained nothing alone, the rotor of a pole that nobody had tuned gained 0.54; gravity that differed was named
+    with a load.
+    """
     nominal = selection.nominal
     if selection.tunable_gains is None:
         screened = screen(shooting, nominal, selection.tunable)
         atoms = screened.best()
-        alone = max((screened.possible_gain([atom]) for atom in atoms), default=0.0)
-        selection.tunable_gains = alone, screened.possible_gain(atoms) if atoms else 0.0
-    alone, together = selection.tunable_gains
+        each = {atom.effect: screened.possible_gain([atom]) for atom in atoms}
+        selection.tunable_gains = each, screened.possible_gain(atoms) if atoms else 0.0
+    each, together = selection.tunable_gains
+    tuned = {_joint(effect) for effect in (tunable if len(tunable) >= _FEW else each)}
+    alone = max((gain for effect, gain in each.items() if _joint(effect) in tuned), default=0.0)
     explained = nominal.chi2 - selection.best.chi2
-    return alone > _TOO_MUCH * explained or (count == 1 and together > _SINGLE * explained)
+    return alone > _TOO_MUCH * explained or (len(tunable) == 1 and together > _SINGLE * explained)
+
+
+def _joint(effect: Effect) -> str:
+    """The joint that an effect acts on, that of its drive too."""
+    return str(getattr(effect, "drives", effect.target))
 
 
 def only_undoes(nominal: Fit, alone: Fit, without: Fit, best: Fit, needed: bool = False) -> bool:

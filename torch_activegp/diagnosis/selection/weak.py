@@ -5,9 +5,9 @@ from __future__ import annotations
 import dataclasses
 from collections.abc import Callable, Sequence
 
-from torch_activegp.diagnosis.selection.compared import Selection
+from torch_activegp.diagnosis.selection.compared import Selection, in_place
 from torch_activegp.diagnosis.selection.judge import DOUBT, SURE, Omnibus, omnibus
-from torch_activegp.diagnosis.selection.proposals import holds_simpler_law
+from torch_activegp.diagnosis.selection.proposals import contains
 from torch_activegp.diagnosis.selection.search import Depth, search
 from torch_activegp.diagnosis.shooting.chaining import chained
 from torch_activegp.diagnosis.shooting.fit import Fit
@@ -79,9 +79,8 @@ def _told_apart(selection: Selection) -> Selection:
     """With the price of what is weak where, by that, a law takes the place of one in the best set that it contains."""
     weak = dataclasses.replace(selection, score=dataclasses.replace(selection.score, material=_MATERIAL))
     best, found = selection.best, weak.best
-    others = set(found.effects) & set(best.effects)
-    alone = len(found.effects) == len(best.effects) == len(others) + 1
-    if not alone or not holds_simpler_law((best.effects, best.values), found):
+    pair = in_place(best, found)
+    if pair is None or not contains(pair[1], pair[0]) or found.size <= best.size:
         return selection
     told = best.chi2 - found.chi2 > _TOLD * (found.size - best.size) * selection.score.scale
     return weak if told else selection

@@ -88,7 +88,7 @@ class Problem:
 
     @property
     def waits(self) -> bool:
-        """Whether its states move alone, longer than those of others, or follow a first step that promises most."""
+        """Whether its states move alone, longer than those of others, or a first step promises most, as yet untold."""
         if self._still:
             return self._followers.rescued and self._settling > 0
         return self._trust.begins and self._predicted > _MOST * self.chi2

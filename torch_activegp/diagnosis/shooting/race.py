@@ -32,10 +32,10 @@ class Race:
     work: float = np.inf
 
     def give_up(self, problems: Sequence[Problem], ended: Sequence[Fit] = (), only_misled: bool = False) -> None:
-        """Ends the fits that stay far behind: not of the best three sets, and not close to the best.
+        """Ends the fits that stay far behind: not of the best three sets, or of the best three of theirs; not close.
 
-        Those whose states still follow a first step that promises most stay: where a slide sticks (EMPS), the right one
-        sought them for ten rounds, and then left a sixtieth of what the others did.
+        Those stay whose first step promises most and was neither taken nor refused yet: where a slide sticks (EMPS),
+        the right one sought the states that follow it for ten rounds, and then left a sixtieth of what others did.
 
         And those that cost so much more than a set which leaves little more than noise that they could not become the
         best: 26 sets around a viscous friction on a machine that strikes took 70 s, for 25 s without them.
@@ -46,10 +46,12 @@ class Race:
             only_misled: only those whose first guess was worse than the smaller set from which they have yet to begin
                 anew. In 45 races with such ones, one of them came first that is given up so, by 22 of 8400.
         """
-        levels = np.sort(_of_each_set([*problems, *ended]))
-        best, worst = levels[0], max(levels[np.isfinite(levels)], default=np.inf)
+        each = _by_set([*problems, *ended])
+        first, every = np.sort([min(some) for some in each.values()]), np.concatenate([*each.values()])
+        best, worst = first[0], max(every[np.isfinite(every)], default=np.inf)
         for problem in problems:
-            behind = np.searchsorted(levels, problem.chi2) >= _RACERS and np.isfinite(problem.chi2)
+            among = (first, np.sort(each[frozenset(problem.effects)]))
+            behind = np.isfinite(problem.chi2) and max(np.searchsorted(some, problem.chi2) for some in among) >= _RACERS
             far = np.isfinite(best) and problem.chi2 > best + max(60.0, min(0.1 * (worst - best), 4.0 * best))
             if behind and far and (problem.resting is not None or not (only_misled or problem.waits)):
                 problem.finished = True
@@ -71,10 +73,9 @@ class Race:
             problem.finished |= not score.may_beat(problem.effects, effects, chi2, self.dof)
 
 
-def _of_each_set(fits: Sequence[Fit | Problem]) -> list[float]:
-    """The least chi2 of each set: one that began from three first guesses takes no three places."""
-    least: dict[frozenset[Effect], float] = {}
+def _by_set(fits: Sequence[Fit | Problem]) -> dict[frozenset[Effect], list[float]]:
+    """Chi2 of the fits of each set: one that began from three first guesses takes no three places."""
+    each: dict[frozenset[Effect], list[float]] = {}
     for fit in fits:
-        effects = frozenset(fit.effects)
-        least[effects] = min(fit.chi2, least.get(effects, np.inf))
-    return list(least.values())
+        each.setdefault(frozenset(fit.effects), []).append(fit.chi2)
+    return each

@@ -21,20 +21,18 @@ class Trust:
 
     Args:
         effects: of the set.
+
+    Attributes:
+        begins: whether no step has helped yet, and none was refused.
     """
 
     def __init__(self, effects: Sequence[Effect]) -> None:
-        self._effects, self._damping = effects, _FIRST
+        self._effects, self._damping, self.begins = effects, _FIRST, True
         self._low, self._high = bounds(effects)
-
-    @property
-    def begins(self) -> bool:
-        """Whether no step has helped yet, and none was refused."""
-        return self._damping == _FIRST
 
     def begin(self) -> None:
         """As at first."""
-        self._damping = _FIRST
+        self._damping, self.begins = _FIRST, True
 
     def inside(self, flat: Array) -> Array:
         """Parameters ``(P,)`` within their bounds."""
@@ -42,7 +40,7 @@ class Trust:
 
     def lengthen(self) -> None:
         """After a step that helped."""
-        self._damping = max(self._damping / _FACTOR, _LEAST)
+        self._damping, self.begins = max(self._damping / _FACTOR, _LEAST), False
 
     def shorten(self, hopeful: bool) -> bool:
         """After one that did not; whether the next one would be too short.
@@ -50,7 +48,7 @@ class Trust:
         Args:
             hopeful: whether it promised much.
         """
-        self._damping = max(_FACTOR * self._damping, _SHORT)
+        self._damping, self.begins = max(_FACTOR * self._damping, _SHORT), False
         return self._damping > (_HOPEFUL_MOST if hopeful else _MOST)
 
     def step(self, linear: Eliminated, flat: Array) -> Array:
