@@ -60,9 +60,10 @@ def test_what_was_put_aside_and_is_part_of_what_was_found_is_not_tried_again(ben
     naming = Naming(bench.engine, bench.shooting, bench.nominal, bench.nominal, aside=sets)
     for found, left in (((wet,), sets[1:]), ((both,), sets[1:]), ((wet, dry), []), ((), sets)):
         judged = dataclasses.replace(bench.nominal, chi2=20.0 * bench.shooting.dof, effects=found)
-        assert naming.yet_to_try(judged, bench.shooting) == left
+        less = [((dry,), (one,)), ((wet,), (one,))] if left[-1:] == sets[2:] else []  # each without one of its names
+        assert naming.yet_to_try(judged, bench.shooting) == left + less
         failed = dataclasses.replace(judged, chi2=np.inf)
-        assert naming.yet_to_try(failed, bench.shooting) == sets  # there is no such set
+        assert naming.yet_to_try(failed, bench.shooting)[:3] == sets  # there is no such set
     two = next(e for e in bench.effects if e.name == "asymmetric_friction" and "coulomb_friction" in e.covers)
     other = dataclasses.replace(naming, aside=[((both,), (one,))])
     judged = dataclasses.replace(bench.nominal, chi2=20.0 * bench.shooting.dof, effects=(two,))

@@ -87,11 +87,13 @@ class Naming:
 
         A motor's viscous and dry friction left 19 times the noise in brief pieces, for what else there was, and names
         found in longer ones were others; on all data they left less than these. What is part of those is tried with
-        them: on a drive (EMPS) dry friction alone was developed once more, and a better third name never was.
+        them: on a drive (EMPS) dry friction alone was developed once more, and a better third name never was. And each
+        without one of its names, for nothing else may be tried then: a sensor's gain had come beside the two frictions.
         """
         if judged.chi2 <= _LEADS * shooting.dof:
             return []
-        return [some for some in self.aside if not is_part(some[0], judged)]
+        found = [some for some in self.aside if not is_part(some[0], judged)]
+        return [*found, *(less for some in found for less in _one_less(some))]
 
 
 def in_brief_pieces(
@@ -174,6 +176,13 @@ def leaders(selection: Selection) -> Sets:
 def is_of(judged: Fit, effects: Sequence[Effect]) -> bool:
     """Whether a fit is of a set; one that failed is of none."""
     return bool(np.isfinite(judged.chi2)) and frozenset(judged.effects) == frozenset(effects)
+
+
+def _one_less(some: tuple[Sequence[Effect], Sequence[Array]]) -> Sets:
+    """A set without each of its names in turn; none of a single one."""
+    effects, values = some
+    each = range(len(effects) if len(effects) > 1 else 0)
+    return [((*effects[:i], *effects[i + 1 :]), (*values[:i], *values[i + 1 :])) for i in each]
 
 
 def is_part(effects: Sequence[Effect], judged: Fit) -> bool:
