@@ -252,8 +252,12 @@ def test_what_is_simplified_last_counts_for_what_is_complete(bench, monkeypatch)
     two = bench.fit("asymmetric_friction", 0.06, 0.06)
     selection = Selection(bench.nominal, [bench.nominal, two], Score(bench.shooting.samples, 60, 1.0))
     judged: list[tuple[str, ...]] = []
-    seen = lambda selection, *_: judged.append(tuple(e.name for e in selection.best.effects))  # noqa: E731
-    monkeypatch.setattr(module, "_is_complete", seen)
+
+    def is_complete(selection: Selection, *_: object) -> bool:
+        judged.append(tuple(effect.name for effect in selection.best.effects))
+        return False
+
+    monkeypatch.setattr(module, "_is_complete", is_complete)
     search(selection, bench.shooting, bench.effects, lambda words: None, Depth(work=0.0))
     assert judged == [("viscous_friction",)]
 

@@ -15,7 +15,7 @@ from torch_activegp.diagnosis.preparation.late import Sets
 from torch_activegp.diagnosis.preparation.lengths import nominal_in_brief
 from torch_activegp.diagnosis.preparation.numerics import Numerics
 from torch_activegp.diagnosis.selection.compared import Selection
-from torch_activegp.diagnosis.selection.proposals import contains
+from torch_activegp.diagnosis.selection.proposals import contains, paired
 from torch_activegp.diagnosis.selection.prospects import hopeless, leaves_most
 from torch_activegp.diagnosis.selection.search import Depth, go_on, select
 from torch_activegp.diagnosis.shooting.fit import Fit
@@ -180,9 +180,8 @@ def is_of(judged: Fit, effects: Sequence[Effect]) -> bool:
 
 def _one_less(some: tuple[Sequence[Effect], Sequence[Array]]) -> Sets:
     """A set without each of its names in turn; none of a single one."""
-    effects, values = some
-    each = range(len(effects) if len(effects) > 1 else 0)
-    return [((*effects[:i], *effects[i + 1 :]), (*values[:i], *values[i + 1 :])) for i in each]
+    pairs = list(zip(*some, strict=True))
+    return [paired([pair for pair in pairs if pair is not one]) for one in pairs if len(pairs) > 1]
 
 
 def is_part(effects: Sequence[Effect], judged: Fit) -> bool:

@@ -79,7 +79,7 @@ def as_pushes(
     out: list[list[Pair]] = []
     for effect, value in pairs:
         for other in (one for one in effects if all(one.key != e.key for e, _ in pairs)):
-            target = getattr(other, "drives", other.target)
+            target = joint_of(other)
             unit, there = push(other, np.ones(1), target), force(effect, value, target)
             if unit and there:
                 out.append([*((e, v) for e, v in pairs if e is not effect), (other, np.array([there / unit]))])
@@ -115,3 +115,8 @@ def _loads_elsewhere(pairs: Sequence[Pair], effects: Sequence[Effect]) -> list[l
             fitting = [form for form in forms if set(shift.axes) <= set(form.axes)]
             out += [[*others, (form, form.moving(float(mass[0]), there, moved))] for form in fitting]
     return out
+
+
+def joint_of(effect: Effect) -> str:
+    """The joint that an effect acts on, that of its drive too."""
+    return str(getattr(effect, "drives", effect.target))

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from torch_activegp.diagnosis.selection.compared import Selection, fitted
+from torch_activegp.diagnosis.selection.merging import joint_of
 from torch_activegp.diagnosis.selection.proposals import Set, diverse, join, with_values
 from torch_activegp.diagnosis.selection.screening import Atom, Screen, screen
 from torch_activegp.diagnosis.shooting.fit import Fit
@@ -86,7 +87,7 @@ def _overdamped(fit: Fit, effects: Sequence[Effect]) -> bool:
     """Whether a viscous friction comes out below zero on every joint that some effects act on."""
     pairs = list(zip(fit.effects, fit.values, strict=True))
     joints = {e.target for e, v in pairs if e in effects and e.name == "viscous_friction" and v[0] < 0.0}
-    return bool(joints) and all(_joint(e) in joints for e in effects)
+    return bool(joints) and all(joint_of(e) in joints for e in effects)
 
 
 def _bar(shares: Sequence[float], count: int) -> float:
@@ -162,15 +163,10 @@ def _was_not_tuned(shooting: Shooting, selection: Selection, tunable: Sequence[E
         each = {atom.effect: screened.possible_gain([atom]) for atom in atoms}
         selection.tunable_gains = each, screened.possible_gain(atoms) if atoms else 0.0
     each, together = selection.tunable_gains
-    tuned = {_joint(effect) for effect in (tunable if len(tunable) >= _FEW else each)}
-    alone = max((gain for effect, gain in each.items() if _joint(effect) in tuned), default=0.0)
+    tuned = {joint_of(effect) for effect in (tunable if len(tunable) >= _FEW else each)}
+    alone = max((gain for effect, gain in each.items() if joint_of(effect) in tuned), default=0.0)
     explained = nominal.chi2 - selection.best.chi2
     return alone > _TOO_MUCH * explained or (len(tunable) == 1 and together > _SINGLE * explained)
-
-
-def _joint(effect: Effect) -> str:
-    """The joint that an effect acts on, that of its drive too."""
-    return str(getattr(effect, "drives", effect.target))
 
 
 def only_undoes(nominal: Fit, alone: Fit, without: Fit, best: Fit, needed: bool = False) -> bool:
