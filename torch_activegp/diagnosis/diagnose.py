@@ -10,7 +10,6 @@ from threadpoolctl import threadpool_limits
 
 from torch_activegp.data import Recording
 from torch_activegp.diagnosis.checkpoint import Checkpoint
-from torch_activegp.diagnosis.findings.doubts import reservation
 from torch_activegp.diagnosis.findings.entries import named_effects, recording_entries, retuned_entries, rival_entries
 from torch_activegp.diagnosis.findings.evidence import laws, map_region, map_time
 from torch_activegp.diagnosis.findings.forecast import compare
@@ -18,8 +17,8 @@ from torch_activegp.diagnosis.findings.late_controls import doubt_rows
 from torch_activegp.diagnosis.findings.locate import entries, locate, somewhere
 from torch_activegp.diagnosis.findings.notes import search_notes
 from torch_activegp.diagnosis.findings.proposal import propose
+from torch_activegp.diagnosis.findings.reconsider import reconsider
 from torch_activegp.diagnosis.findings.remainder import Outcome, model_remainder
-from torch_activegp.diagnosis.findings.unseen import refutation, taken_back
 from torch_activegp.diagnosis.findings.verdict import Verdict, decide
 from torch_activegp.diagnosis.findings.words import sentence
 from torch_activegp.diagnosis.inputs.blackbox import accelerations
@@ -141,17 +140,14 @@ def _report(
     chosen = judgement.fit if judgement.verdict in ("named", "tie") else nominal
     engine = explanation.engine.without_leapfrog()  # which `corrected.xml` cannot ask of MuJoCo
     models = {"before": (engine, NOMINAL), "after": (engine, chosen.candidate if chosen.effects else NOMINAL)}
-    outcome = _remainder(explanation, judgement, chosen)
+    outcome = None if verdict.unforeseen else _remainder(explanation, judgement, chosen)
     if outcome is not None and outcome.effect is not None:
         models["gp"] = (engine, outcome.on(chosen.candidate))
     holdout, traces = compare(models, machine.holdout, machine.channels.joints, shooting.noise)
-    if chosen.effects:
-        starts = [trace["start_after"] for trace in traces[:: len(machine.channels.joints)]]
-        doubt = reservation(shooting, chosen, machine.doubts)
-        why = doubt or refutation(holdout, engine, chosen.candidate, machine.holdout, starts)
-        if why is not None:
-            verdict = taken_back(verdict, why)
-            return _report(source, machine, explanation, verdict, seed, say)
+    starts = [trace["start_after"] for trace in traces[:: len(machine.channels.joints)]]
+    others = reconsider(machine, explanation, verdict, chosen, holdout, starts)
+    if others is not None:
+        return _report(source, machine, *others, seed, say)
     say("writing the correction", 0.99)
     numerics = None
     if explanation.fine:
@@ -209,7 +205,7 @@ def _report(
         "laws": laws(machine.channels, left, chosen, judgement.named) if named else [],
         "traces": traces,
     }
-    words = sentence(judgement.verdict, named, details, [*late, *machine.doubts, *machine.lacks])
+    words = verdict.unforeseen or sentence(judgement.verdict, named, details, [*late, *machine.doubts, *machine.lacks])
     files |= saved_files({"corrected.pt": corrected, "learned.pt": learned}, details["notes"])
     details["notes"] += _held_note(named) if "corrected.pt" in files else []
     return Diagnosis(judgement.verdict, words, named, details, evidence, files, corrected, learned, verdict.stability)

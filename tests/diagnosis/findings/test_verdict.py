@@ -17,7 +17,7 @@ def selection(bench) -> Selection:
 
 
 def test_a_name_that_forecasts_what_was_left_out_stays(bench, selection) -> None:
-    judgement, stable, notes = decide(bench.shooting, selection)
+    judgement, stable, notes, _ = decide(bench.shooting, selection)
     assert [effect.name for effect in judgement.named] == ["viscous_friction"]
     assert stable is not None
     assert not stable.effects[0].refuted
@@ -37,7 +37,7 @@ def test_a_refuted_name_makes_way_for_the_next_best_set(bench, selection, monkey
     monkeypatch.setattr("torch_activegp.diagnosis.findings.verdict.stability", said)
     plain, (nominal, _, dry) = selection.score, selection.fits
     selection.score = dataclasses.replace(plain, free=frozenset({("coulomb_friction", "joint:hip")}))
-    judgement, _, notes = decide(bench.shooting, selection)
+    judgement, _, notes, _ = decide(bench.shooting, selection)
     assert judgement.fit.keys == {("coulomb_friction", "joint:hip")}
     assert [words.split(" would")[0] for words in notes] == ["viscous_friction at joint:hip"]
     assert len(selection.fits) == 3  # the caller's own are left alone

@@ -60,6 +60,11 @@ def test_unknown_says_what_a_learned_force_gains() -> None:
     )
 
 
+def test_unknown_says_nothing_of_a_learned_force_that_changes_nothing() -> None:
+    free = {"before": 1.141, "after": 1.141, "gp": 1.1405, "noise": 0.0024}
+    assert sentence("unknown", (), {**ERROR, "fit": {"holdout": {"free_run": free}}}).endswith("explains it.")
+
+
 def test_named_effects_are_listed_with_what_they_explain_together() -> None:
     text = sentence("named", [named("a", 0.5), named("b", 0.2), named("c", 0.1)], ERROR)
     assert text == (

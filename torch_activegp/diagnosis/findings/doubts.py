@@ -38,7 +38,8 @@ def reservation(shooting: Shooting, fit: Fit, doubts: Sequence[str]) -> str | No
     if doubts:
         return f"{leave}, and a column is in doubt"
     if fit.chi2 > NO_SKILL * straight_lines(shooting):
-        return f"{leave}, hardly less than straight lines through each {_seconds(shooting):.2g} s of the recordings do"
+        pieces = f"each {shooting.segments.usual_seconds:.2g} s of the recordings"
+        return f"{leave}, hardly less than straight lines through {pieces} do"
     return None
 
 
@@ -57,8 +58,3 @@ def straight_lines(shooting: Shooting) -> float:
     columns = np.concatenate([np.multiply.outer(time**power, joints) for power in (0, 1)], axis=-1)
     left = beside(shooting.whiten_columns(columns), shooting.noise.whiten(segments, position))
     return float((left**2).sum())
-
-
-def _seconds(shooting: Shooting) -> float:
-    """How long the scored part of a segment usually is, s."""
-    return float(np.median(np.diff(shooting.segments.scored, axis=1)) * np.median(shooting.segments.dt))

@@ -19,11 +19,13 @@ class Verdict(NamedTuple):
         judgement: the verdict.
         stability: what becomes of its names when each recording is left out; None where nothing is named.
         notes: names that were given up, in sentences.
+        unforeseen: that the held-out runs alone show a mismatch, in words; empty where the others do too, or none does.
     """
 
     judgement: Judgement
     stability: Stability | None
     notes: tuple[str, ...]
+    unforeseen: str = ""
 
 
 def decide(shooting: Shooting, selection: Selection) -> Verdict:

@@ -99,13 +99,16 @@ def _doubted(doubts: Sequence[str]) -> str:
 
 
 def _learned(details: Mapping[str, Any]) -> str:
-    """How much a learned force helps, where there is one."""
+    """How much a learned force changes, where there is one and it does."""
     error = details["fit"]["holdout"]["free_run"]
     if error.get("gp") is None:
         return ""
+    before, after = (f"{error[key]:.3g}" for key in ("before", "gp"))
+    if before == after:
+        return ""
     return (
         f"; with a force learned from the recordings (learned.pt) the free-run error on held-out runs goes from "
-        f"{error['before']:.3g} to {error['gp']:.3g} (noise {error['noise']:.2g})"
+        f"{before} to {after} (noise {error['noise']:.2g})"
     )
 
 

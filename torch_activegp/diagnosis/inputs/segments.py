@@ -105,6 +105,11 @@ class Segments:
         """
         return np.asarray(per_segment > much * self.samples)
 
+    @property
+    def usual_seconds(self) -> float:
+        """How long the scored part of a segment usually is, s."""
+        return float(np.median(np.diff(self.scored, axis=1)) * np.median(self.dt))
+
     def centers(self) -> Array:
         """The time at the middle of the scored part of each segment, ``(S,)``, s."""
         return np.array([self.runs[r].time[ends].mean() for r, ends in zip(self.run, self.scored, strict=True)])

@@ -15,6 +15,7 @@ from torch_activegp.diagnosis.selection.free_force import free_force_columns
 from torch_activegp.diagnosis.selection.intervals import is_certain
 from torch_activegp.diagnosis.selection.own_limits import is_own_limit
 from torch_activegp.diagnosis.selection.prospects import MAX_EFFECTS
+from torch_activegp.diagnosis.selection.standing_out import stands_out
 from torch_activegp.diagnosis.selection.ties import as_part, is_one_way, swapped, ties_of, told_apart_by
 from torch_activegp.diagnosis.selection.tuning import is_a_tuning
 from torch_activegp.diagnosis.shooting.elimination import eliminate, scaled
@@ -200,7 +201,7 @@ def judge(shooting: Shooting, selection: Selection) -> Judgement:
 
 def _nameless(shooting: Shooting, fit: Fit, left: Omnibus, rivals: _Compared) -> Judgement:
     """Without a name: a mismatch that nothing explains, or none."""
-    unknown = _visible(shooting, fit, left)
+    unknown = _visible(shooting, fit, left) or (left.p_value < SURE and stands_out(shooting, fit))
     verdict, share = ("unknown", 1.0) if unknown else ("none", 0.0)
     return Judgement(verdict, fit, (), (), (), (), (), share, not unknown, left.p_value, rivals)
 
@@ -217,12 +218,17 @@ def _may_be_coloured(shooting: Shooting) -> bool:
 
 def _visible(shooting: Shooting, fit: Fit, left: Omnibus) -> bool:
     """Whether a mismatch without a name is large enough to be believed."""
-    least = VISIBLE_IN_COLOUR if shooting.noise.colour.any() else VISIBLE
     if fit.chi2 > (1.0 + VISIBLE_IN_COLOUR) * shooting.dof and rises(shooting, fit):
         return True  # though quicker than a force in bins of 0.2 s
-    if shooting.hides_colour:
-        least = VISIBLE_WHEN_SLOW if float(np.median(shooting.segments.dt)) > SLOW else max(least, VISIBLE_UNSEEN)
-    return left.p_value < SURE and left.excess > least * shooting.dof
+    return left.p_value < SURE and left.excess > least_visible(shooting) * shooting.dof
+
+
+def least_visible(shooting: Shooting) -> float:
+    """By how much chi2 per degree of freedom noise may be louder than its floor."""
+    least = VISIBLE_IN_COLOUR if shooting.noise.colour.any() else VISIBLE
+    if not shooting.hides_colour:
+        return least
+    return VISIBLE_WHEN_SLOW if float(np.median(shooting.segments.dt)) > SLOW else max(least, VISIBLE_UNSEEN)
 
 
 def _rivals(selection: Selection) -> _Compared:

@@ -1,0 +1,41 @@
+"""What the held-out runs, and doubts about the recordings, change in a verdict."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+from torch_activegp.diagnosis.findings.doubts import reservation
+from torch_activegp.diagnosis.findings.unforeseen import seen_there, surprise
+from torch_activegp.diagnosis.findings.unseen import refutation, taken_back
+from torch_activegp.diagnosis.findings.verdict import Verdict
+from torch_activegp.diagnosis.inputs.machine import Machine
+from torch_activegp.diagnosis.selection.explain import Explanation
+from torch_activegp.diagnosis.shooting.fit import Fit
+
+
+def reconsider(
+    machine: Machine,
+    explanation: Explanation,
+    verdict: Verdict,
+    chosen: Fit,
+    holdout: Mapping[str, Any],
+    starts: Sequence[Sequence[float]],
+) -> tuple[Explanation, Verdict] | None:
+    """What is to be said instead, where the held-out runs, or doubts, speak against a verdict; None where nothing does.
+
+    Args:
+        machine: model and runs.
+        explanation: the sets.
+        verdict: what would be said.
+        chosen: the set whose names would be.
+        holdout: errors on the held-out runs.
+        starts: fitted initial states of these.
+    """
+    shooting, engine, runs = explanation.shooting, explanation.engine.without_leapfrog(), machine.holdout
+    if chosen.effects:
+        doubt = reservation(shooting, chosen, machine.doubts)
+        why = doubt or refutation(holdout, engine, chosen.candidate, runs, starts)
+        return None if why is None else (explanation, taken_back(verdict, why))
+    why = surprise(holdout, shooting, engine, runs, starts) if verdict.judgement.verdict == "none" else None
+    return None if why is None else seen_there(explanation, verdict, runs, why)
