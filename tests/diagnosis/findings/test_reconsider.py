@@ -1,0 +1,71 @@
+from __future__ import annotations
+
+import dataclasses
+
+import pytest
+
+from torch_activegp.diagnosis.findings.reconsider import reconsider
+from torch_activegp.diagnosis.findings.verdict import Verdict, decide
+from torch_activegp.diagnosis.selection.compared import Selection
+from torch_activegp.diagnosis.selection.explain import Explanation
+from torch_activegp.diagnosis.shooting.score import Score
+
+FAR, NEAR = 30.0, 1.1
+
+
+def held_out(before: float, after: float) -> dict:
+    """Errors of the held-out run, beside noise of 1."""
+    errors = {"before": before, "after": after, "noise": 1.0}
+    return {"runs": [{"run": "kept", "channel": "qpos.hip", "free_run": errors, "one_step": errors}]}
+
+
+@pytest.fixture
+def explanation(bench) -> Explanation:
+    fits = [bench.nominal, bench.fit("viscous_friction", 0.05)]
+    selection = Selection(bench.nominal, fits, Score(bench.shooting.samples, 60, 1.0))
+    return Explanation(bench.engine, bench.shooting, selection, bench.effects, fine=False)
+
+
+@pytest.fixture
+def verdict(explanation) -> Verdict:
+    return decide(explanation.shooting, explanation.selection)
+
+
+@pytest.mark.parametrize(("before", "after", "lost"), [(FAR, NEAR, False), (FAR, 20.0, True)])
+def test_names_stand_unless_the_held_out_runs_speak_against_them(
+    bench, explanation, verdict, before, after, lost
+) -> None:
+    starts, named = bench.engine.starts(bench.segments)[:1].tolist(), verdict.judgement.fit
+    assert verdict.judgement.verdict == "named"
+    said = reconsider(bench.machine, explanation, verdict, named, held_out(before, after), starts)
+    assert (said is not None) is lost
+    if said is not None:
+        assert said[0] is explanation
+        assert (said[1].judgement.verdict, said[1].unforeseen) == ("unknown", "")
+        assert "20 times the noise" in said[1].notes[-1]
+
+
+def test_names_that_leave_much_are_taken_back_where_a_column_is_in_doubt(bench, explanation, verdict) -> None:
+    machine = dataclasses.replace(bench.machine, doubts=("ctrl.drive may be in mN m.",))
+    starts, named = bench.engine.starts(bench.segments)[:1].tolist(), verdict.judgement.fit
+    loud = dataclasses.replace(named, chi2=200.0 * bench.shooting.dof)
+    assert reconsider(machine, explanation, verdict, named, held_out(FAR, NEAR), starts) is None
+    said = reconsider(machine, explanation, verdict, loud, held_out(FAR, NEAR), starts)
+    assert said is not None
+    assert "a column is in doubt" in said[1].notes[-1]
+
+
+@pytest.mark.parametrize(
+    ("before", "given", "other"),
+    [(NEAR, "none", None), (FAR, "none", "unknown"), (FAR, "unknown", None)],
+)
+def test_without_a_name_held_out_runs_must_not_be_far_off(bench, explanation, verdict, before, given, other) -> None:
+    nothing = dataclasses.replace(verdict.judgement, verdict=given, fit=bench.nominal)
+    starts = bench.engine.starts(bench.segments)[:1].tolist()
+    before_it = Verdict(nothing, None, ("a note",))
+    said = reconsider(bench.machine, explanation, before_it, bench.nominal, held_out(before, before), starts)
+    assert (None if said is None else said[1].judgement.verdict) == other
+    if said is not None:
+        assert "but not those held out: the free run of kept" in said[1].unforeseen
+        assert said[1].notes == ("a note",)
+        assert said[0].shooting.segments.runs == bench.machine.holdout
