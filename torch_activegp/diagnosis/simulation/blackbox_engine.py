@@ -70,6 +70,10 @@ class BlackBoxEngine(Engine):
         """Itself: the simulator steps as it does."""
         return self
 
+    def in_shorter_steps(self, times: int) -> BlackBoxEngine:
+        """Itself."""
+        return self
+
     @property
     def _interval(self) -> float:
         return self.substeps * self.box.simulator.dt
