@@ -19,8 +19,9 @@ from torch_activegp.diagnosis.findings.notes import search_notes
 from torch_activegp.diagnosis.findings.proposal import propose
 from torch_activegp.diagnosis.findings.reconsider import reconsider
 from torch_activegp.diagnosis.findings.remainder import Outcome, model_remainder
+from torch_activegp.diagnosis.findings.short_steps import numbers_of
 from torch_activegp.diagnosis.findings.verdict import Verdict, decide
-from torch_activegp.diagnosis.findings.words import sentence
+from torch_activegp.diagnosis.findings.words import sentence, unforeseen
 from torch_activegp.diagnosis.inputs.blackbox import accelerations
 from torch_activegp.diagnosis.inputs.fingerprint import fingerprint
 from torch_activegp.diagnosis.inputs.machine import Machine, check_given, make_machine
@@ -75,8 +76,8 @@ def diagnose(
         model: path of an MJCF file, MJCF text, an ``MjSpec``, an ``MjModel``, a `MujocoSimulator`, or any other
             `Simulator` whose state is positions and their velocities; then effects act as accelerations.
         recordings: runs for fitting and selection.
-        holdout: runs that are only forecast; without any, the last fifth of the runs is set aside (of one or two, the
-            last fifth of the longest), and the notes say which.
+        holdout: runs that are forecast, and choose no name; without any, the last fifth of the runs is set aside (of
+            one or two, the last fifth of the longest), and the notes say which.
         effects: classes of your own, which are tried beside those on the list wherever they can act.
         seed: of the controls proposed for the next experiment; nothing else is random.
         nthread: threads of the simulations; 0 for all cores.
@@ -158,7 +159,8 @@ def _report(
     learned = None
     if "gp" in models:
         learned = simulator_with(source, machine.channels, models["gp"][1], None, numerics)
-    named = named_effects(explanation, judgement, dict(zip(chosen.effects, held, strict=True)))
+    numbers, short = numbers_of(explanation.engine, shooting, chosen, xml is not None and all(held))
+    named = named_effects(explanation, judgement, dict(zip(chosen.effects, held, strict=True)), numbers)
     files: dict[str, str | bytes] = {}
     if xml is not None:
         files["corrected.xml"] = xml
@@ -191,6 +193,7 @@ def _report(
             *late,
             *search_notes(explanation, machine.model, chosen.effects),
             *_remainder_note(outcome),
+            *short,
             *verdict.notes,
         ],
         "rivals": rival_entries(explanation, judgement),
@@ -205,7 +208,8 @@ def _report(
         "laws": laws(machine.channels, left, chosen, judgement.named) if named else [],
         "traces": traces,
     }
-    words = verdict.unforeseen or sentence(judgement.verdict, named, details, [*late, *machine.doubts, *machine.lacks])
+    doubts = [*late, *machine.doubts, *machine.lacks]
+    words = unforeseen(verdict.unforeseen, doubts) or sentence(judgement.verdict, named, details, doubts)
     files |= saved_files({"corrected.pt": corrected, "learned.pt": learned}, details["notes"])
     details["notes"] += _held_note(named) if "corrected.pt" in files else []
     return Diagnosis(judgement.verdict, words, named, details, evidence, files, corrected, learned, verdict.stability)

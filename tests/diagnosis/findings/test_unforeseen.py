@@ -9,29 +9,34 @@ import pytest
 from torch_activegp.diagnosis import diagnose
 from torch_activegp.diagnosis.findings.unforeseen import seen_there, surprise
 from torch_activegp.diagnosis.findings.verdict import decide
+from torch_activegp.diagnosis.inputs.runs import Run
+from torch_activegp.diagnosis.inputs.segments import cut
 from torch_activegp.diagnosis.noise.model import NoiseModel
 from torch_activegp.diagnosis.selection.compared import Selection
 from torch_activegp.diagnosis.selection.explain import Explanation
+from torch_activegp.diagnosis.shooting.fit import Fit
+from torch_activegp.diagnosis.shooting.likelihood import Shooting
+from torch_activegp.diagnosis.shooting.point import FAILED
 from torch_activegp.diagnosis.shooting.score import Score
 
 
 def said(free: float, step: float, run: str) -> dict:
-    """Held-out errors of two runs without any name; noise is 2."""
+    """Held-out errors of two joints without any name, in parts of the motion, noise 0.02; a third stands still."""
 
-    def entry(label: str, free: float, step: float) -> dict:
-        errors = {"free_run": {"before": free, "noise": 2.0}, "one_step": {"before": step, "noise": 2.0}}
-        return {"run": label, "channel": "qpos.hip", **errors}
+    def entry(joint: str, free: float, step: float, noise: float = 0.02) -> dict:
+        errors = {"free_run": {"before": free, "noise": noise}, "one_step": {"before": step, "noise": noise}}
+        return {"run": run, "channel": f"qpos.{joint}", **errors}
 
-    return {"runs": [entry(run, 2.0, 2.0), entry(run, free, step)]}
+    return {"runs": [entry("knee", 0.02, 0.02), entry("hip", free, step), entry("toe", 9.0, 9.0, 1.0)]}
 
 
 @pytest.mark.parametrize(
     ("free", "step", "words"),
     [
-        (6.0, 10.0, None),
-        (8.0, 2.0, "the free run of kept is off by 8 of the motion of qpos.hip, 4 times the noise"),
-        (2.0, 14.0, "a forecast by one step of kept is off by 14 of the motion of qpos.hip, 7 times"),
-        (1e3, 14.0, "the free run"),
+        (0.06, 0.1, None),
+        (0.08, 0.02, "the free run of kept is off by 0.08 of the motion of qpos.hip, 4 times the noise"),
+        (0.02, 0.14, "a forecast by one step of kept is off by 0.14 of the motion of qpos.hip, 7 times"),
+        (10.0, 0.14, "the free run"),
     ],
 )
 def test_held_out_runs_far_above_the_noise_are_a_surprise(bench, free, step, words) -> None:
@@ -45,23 +50,51 @@ def test_held_out_runs_far_above_the_noise_are_a_surprise(bench, free, step, wor
 
 def test_where_noise_may_be_louder_than_its_floor_more_is_no_surprise(bench) -> None:
     runs, start = bench.machine.holdout, bench.engine.starts(bench.segments)[:1]
-    held_out = said(8.0, 2.0, "kept")
+    held_out = said(0.08, 0.02, "kept")
     coloured = dataclasses.replace(bench.shooting, noise=NoiseModel(bench.shooting.noise.scale, np.array([[0.6, 0.0]])))
     assert surprise(held_out, bench.shooting, bench.engine, runs, start.tolist()) is not None
     assert surprise(held_out, coloured, bench.engine, runs, start.tolist()) is None
 
 
-def test_nothing_is_seen_where_no_simulation_follows(bench, monkeypatch) -> None:
-    selection = Selection(bench.nominal, [bench.nominal], Score(bench.shooting.samples, 60, 1.0))
-    explanation = Explanation(bench.engine, bench.shooting, selection, bench.effects, fine=False)
-    verdict = decide(bench.shooting, selection)
-    there, judged = seen_there(explanation, verdict, bench.machine.holdout, "why")
-    assert (judged.unforeseen, judged.judgement.verdict) == ("why", "unknown")
-    assert {run.label for run in there.shooting.segments.runs} == {"kept"}
+@pytest.fixture
+def explanation(clean) -> Explanation:
+    selection = Selection(clean.nominal, [clean.nominal], Score(clean.shooting.samples, 60, 1.0))
+    return Explanation(clean.engine, clean.shooting, selection, clean.effects, fine=False)
+
+
+def loud(clean) -> tuple[Run, ...]:
+    """The held-out run with a wave on top that no pendulum makes."""
+    (run,) = clean.machine.holdout
+    wave = 0.01 * np.sin(30.0 * run.time)[:, None]
+    return (dataclasses.replace(run, position=run.position + wave),)
+
+
+def test_held_out_runs_say_where_it_is(clean, explanation) -> None:
+    verdict, runs = decide(explanation.shooting, explanation.selection), loud(clean)
+    there, judged = seen_there(explanation, verdict, runs, "why")
+    assert (judged.unforeseen, judged.judgement.verdict, judged.judgement.white) == ("why", "unknown", False)
+    assert there.shooting.segments.runs == runs
     assert there.selection.best is there.selection.nominal is judged.judgement.fit
-    failed = dataclasses.replace(bench.nominal, chi2=np.inf)
-    monkeypatch.setattr("torch_activegp.diagnosis.shooting.likelihood.Shooting.fit", lambda *_, **__: [failed])
-    assert seen_there(explanation, verdict, bench.machine.holdout, "why") is None
+    assert judged.judgement.p_value < 1e-5
+    assert seen_there(explanation, verdict, clean.machine.holdout, "why") is None  # noise alone in brief pieces
+
+
+@pytest.mark.parametrize("failed", [1, None])
+def test_segments_that_no_simulation_follows_are_left_out(clean, explanation, monkeypatch, failed) -> None:
+    verdict, runs, fit = decide(explanation.shooting, explanation.selection), loud(clean), Shooting.fit
+
+    def fails(shooting: Shooting, *args, **kwargs) -> list[Fit]:
+        found = fit(shooting, *args, **kwargs)[0]
+        found.per_segment[:failed] = FAILED
+        return [dataclasses.replace(found, chi2=np.inf)]
+
+    monkeypatch.setattr(Shooting, "fit", fails)
+    said = seen_there(explanation, verdict, runs, "why")
+    assert (said is None) is (failed is None)
+    if said is not None:
+        whole = cut(runs, clean.segments.usual_seconds, 0.1).size
+        assert said[0].shooting.segments.size == whole - 1
+        assert np.isfinite(said[0].selection.nominal.chi2)
 
 
 def test_a_mismatch_that_only_the_held_out_run_meets_is_none_of_noise(bench, record) -> None:

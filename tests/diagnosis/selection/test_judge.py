@@ -7,7 +7,15 @@ import pytest
 
 from torch_activegp.diagnosis.noise.model import NoiseModel
 from torch_activegp.diagnosis.selection.compared import Selection
-from torch_activegp.diagnosis.selection.judge import SEEN, _may_be_coloured, _split, judge, omnibus
+from torch_activegp.diagnosis.selection.judge import (
+    BEHIND_A_FLOOR,
+    BEHIND_COLOUR,
+    SEEN,
+    _least_behind_noise,
+    _split,
+    judge,
+    omnibus,
+)
 from torch_activegp.diagnosis.shooting.score import Score
 
 
@@ -319,17 +327,12 @@ def test_what_no_filter_makes_is_seen_where_a_filter_cannot_be(bench, monkeypatc
     assert judge(shooting, alone).verdict == verdict
 
 
-@pytest.mark.parametrize(
-    ("coloured", "bar", "verdict"), [(True, 100.0, "named"), (False, 100.0, "none"), (True, 1e6, "none")]
-)
-def test_names_that_gain_much_are_kept_before_noise_that_may_be_coloured(
-    bench, monkeypatch, coloured: bool, bar: float, verdict: str
-) -> None:
+@pytest.mark.parametrize(("bar", "verdict"), [(100.0, "named"), (1e6, "none")])
+def test_names_that_gain_much_are_kept_before_what_may_be_noise(bench, monkeypatch, bar: float, verdict: str) -> None:
     from torch_activegp.diagnosis.selection import judge as module
 
     monkeypatch.setattr(module, "_visible", lambda shooting, fit, left: False)
-    monkeypatch.setattr(module, "_may_be_coloured", lambda shooting: coloured)
-    monkeypatch.setattr(module, "BEHIND_COLOUR", bar)
+    monkeypatch.setattr(module, "_least_behind_noise", lambda shooting, best, names: bar)
     wet = bench.fit("viscous_friction", 0.05)
     part = dataclasses.replace(wet, chi2=wet.chi2 + 0.4 * (bench.nominal.chi2 - wet.chi2))
     left = dataclasses.replace(omnibus(bench.shooting, bench.nominal), excess=part.chi2 - wet.chi2)
@@ -342,15 +345,22 @@ def test_names_that_gain_much_are_kept_before_noise_that_may_be_coloured(
     assert judge(bench.shooting, selection(bench, part)).verdict == "none"
 
 
-def test_noise_may_be_coloured_where_it_is_seen_or_could_not_be_but_a_video_is_judged_as_one(bench) -> None:
+def test_what_names_leave_may_be_the_colour_of_noise_or_a_floor_that_is_low(bench) -> None:
     shooting, segments = bench.shooting, bench.shooting.segments
-    assert not _may_be_coloured(shooting)
+    near, far = (dataclasses.replace(bench.nominal, chi2=part * shooting.dof) for part in (1.04, 1.06))
+
+    def least(fit=near, names: int = 1, **changed) -> float:
+        return _least_behind_noise(dataclasses.replace(shooting, **changed), fit, names)
+
+    assert [least(), least(far), least(names=3)] == [BEHIND_A_FLOOR, np.inf, np.inf]
     slow = dataclasses.replace(segments, dt=np.full_like(segments.dt, 0.02))
-    assert _may_be_coloured(dataclasses.replace(shooting, segments=slow))
+    assert least(far, 5, segments=slow) == BEHIND_COLOUR
     videos = tuple(dataclasses.replace(run, video=True) for run in segments.runs)
-    assert not _may_be_coloured(dataclasses.replace(shooting, segments=dataclasses.replace(slow, runs=videos)))
+    assert least(segments=dataclasses.replace(slow, runs=videos)) == np.inf
     coloured = dataclasses.replace(shooting.noise, colour=np.ones_like(shooting.noise.colour))
-    assert _may_be_coloured(dataclasses.replace(shooting, noise=coloured))
+    assert least(far, noise=coloured) == BEHIND_COLOUR
+    every_other = tuple(dataclasses.replace(run, left_out=np.arange(len(run)) % 2 == 1) for run in segments.runs)
+    assert least(segments=dataclasses.replace(segments, runs=every_other)) == np.inf
 
 
 def test_a_slight_colour_of_the_noise_makes_no_set_inadequate(bench, monkeypatch) -> None:

@@ -14,14 +14,21 @@ from torch_activegp.diagnosis.simulation.engine import Engine
 
 
 @pytest.mark.parametrize(
-    ("left", "most", "out"), [(4.5, 1.0, False), (5.5, 1.0, True), (5.5, 1.2, False), (5.5, 0.1, True)]
+    ("left", "most", "louder", "out"),
+    [
+        (4.5, 1.0, 0.0, False),
+        (5.5, 1.0, 0.0, True),
+        (5.5, 1.2, 0.0, False),
+        (5.5, 0.1, 0.0, True),
+        (5.5, 1.0, 1.5, False),
+    ],
 )
-def test_one_segment_far_above_most_stands_out(bench, left: float, most: float, out: bool) -> None:
+def test_one_segment_far_above_most_stands_out(bench, left: float, most: float, louder: float, out: bool) -> None:
     samples = bench.segments.samples
     per_segment = most * samples.astype(float)
     per_segment[2] = left * samples[2]
     fit = dataclasses.replace(bench.nominal, per_segment=per_segment, chi2=float(per_segment.sum()))
-    assert stands_out(bench.shooting, fit) is out
+    assert stands_out(bench.shooting, fit, louder) is out
 
 
 def test_where_something_touches_nothing_stands_out() -> None:
@@ -34,4 +41,4 @@ def test_where_something_touches_nothing_stands_out() -> None:
     for number, out in ((int(np.argmin(reach)), True), (int(np.argmax(reach)), False)):
         per_segment = segments.samples.astype(float)
         per_segment[number] *= 9.0
-        assert stands_out(shooting, dataclasses.replace(nominal, per_segment=per_segment)) is out
+        assert stands_out(shooting, dataclasses.replace(nominal, per_segment=per_segment), 0.0) is out

@@ -11,18 +11,19 @@ from torch_activegp.diagnosis.result import NamedEffect
 from torch_activegp.diagnosis.selection.explain import Explanation
 from torch_activegp.diagnosis.selection.intervals import estimates
 from torch_activegp.diagnosis.selection.judge import Judgement
+from torch_activegp.diagnosis.shooting.fit import Fit
 
 _SHOWN = 8
 """So many rivals are reported, and the nominal."""
 
 
 def named_effects(
-    explanation: Explanation, judgement: Judgement, held: dict[Any, bool | None]
+    explanation: Explanation, judgement: Judgement, held: dict[Any, bool | None], numbers: Fit
 ) -> tuple[NamedEffect, ...]:
-    """The named effects, if there are any; `held` says of each whether MJCF holds it."""
+    """The named effects, if there are any; `held` says of each whether MJCF holds it, `numbers` has the parameters."""
     if judgement.verdict not in ("named", "tie"):
         return ()
-    values = judgement.fit.by_effect
+    values = numbers.by_effect
     return tuple(
         NamedEffect(
             effect.name,
@@ -30,7 +31,7 @@ def named_effects(
             effect.law_with(values[effect]),
             share,
             probability,
-            estimates(explanation.shooting, judgement.fit, effect),
+            estimates(explanation.shooting, numbers, effect),
             ties,
             held.get(effect, False),
             effect.too_much(values[effect]),

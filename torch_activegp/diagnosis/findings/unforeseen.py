@@ -8,7 +8,8 @@ from typing import Any
 
 import numpy as np
 
-from torch_activegp.diagnosis.findings.unseen import is_predictable
+from torch_activegp.diagnosis.findings.forecast import STILL
+from torch_activegp.diagnosis.findings.unseen import foreseeable
 from torch_activegp.diagnosis.findings.verdict import Verdict
 from torch_activegp.diagnosis.inputs.runs import Run
 from torch_activegp.diagnosis.inputs.segments import cut
@@ -16,8 +17,9 @@ from torch_activegp.diagnosis.preparation.lengths import PAD
 from torch_activegp.diagnosis.preparation.telling import CREEPS
 from torch_activegp.diagnosis.selection.compared import Selection
 from torch_activegp.diagnosis.selection.explain import Explanation
-from torch_activegp.diagnosis.selection.judge import least_visible, omnibus
+from torch_activegp.diagnosis.selection.judge import SURE, least_visible, omnibus
 from torch_activegp.diagnosis.shooting.likelihood import Shooting
+from torch_activegp.diagnosis.shooting.point import FAILED
 from torch_activegp.diagnosis.simulation.candidate import NOMINAL
 from torch_activegp.diagnosis.simulation.engine import Engine
 
@@ -44,14 +46,12 @@ def surprise(
         runs: the held-out runs, S.
         starts: their fitted initial states, ``(S, nq + nv)``.
     """
-    calm = is_predictable(engine, NOMINAL, runs, np.asarray(starts))
-    known = {run.label for run, sound in zip(runs, calm, strict=True) if sound}
     louder = float(np.sqrt(1.0 + least_visible(shooting)))
     each = [
         (entry[kind]["before"] / (bar * louder * entry[kind]["noise"]), what, kind, entry)
-        for entry in holdout["runs"]
+        for entry in foreseeable(holdout, engine, NOMINAL, runs, starts)
         for kind, (bar, what) in _FAR.items()
-        if entry["run"] in known
+        if STILL * entry[kind]["noise"] <= 1.0
     ]
     if not each:
         return None
@@ -62,25 +62,36 @@ def surprise(
     return (
         f"The simulator and the recordings that were fitted differ by noise alone, but not those held out: {what} of "
         f"{entry['run']} is off by {error:.3g} of the motion of {entry['channel']}, {error / noise:.0f} times the "
-        "noise. What is missing acts where the others hardly go: give this run, or more like it, to be fitted too."
+        "noise. What is missing acts, most likely, where the others hardly go: give this run, or more like it, to be "
+        "fitted too."
     )
 
 
 def seen_there(
     explanation: Explanation, verdict: Verdict, runs: Sequence[Run], why: str
 ) -> tuple[Explanation, Verdict] | None:
-    """What the held-out runs say without any name, for where and when; None where the simulation fails on them.
+    """What the held-out runs say without any name, for where and when.
 
     Args:
         explanation: of the others, in which nothing is missing.
         verdict: ``none``.
         runs: the held-out ones.
         why: what :func:`surprise` says.
+
+    Returns:
+        The likelihood over the held-out runs, but for where the simulation fails, and ``unknown``; None where brief
+        pieces of them show nothing: a free run that is long goes far by little.
     """
     segments = cut(runs, explanation.shooting.segments.usual_seconds, PAD)
     shooting = dataclasses.replace(explanation.shooting, engine=explanation.engine, segments=segments, offset=None)
     nominal = shooting.fit([((), ())], shooting.engine.starts(segments), CREEPS)[0]
-    if not np.isfinite(nominal.chi2):
+    sound = nominal.per_segment < FAILED
+    if not sound.any():
+        return None
+    if not sound.all():
+        shooting, nominal = shooting.pick(sound), nominal.pick(sound)
+    p_value = omnibus(shooting, nominal).p_value
+    if p_value > SURE:
         return None
     judgement = dataclasses.replace(
         verdict.judgement,
@@ -88,7 +99,7 @@ def seen_there(
         fit=nominal,
         unexplained=1.0,
         white=False,
-        p_value=omnibus(shooting, nominal).p_value,
+        p_value=p_value,
         rivals=((nominal, 0.0, 1.0),),
     )
     selection = Selection(nominal, [nominal], explanation.selection.score)

@@ -53,9 +53,7 @@ def refutation(
         runs: the held-out runs, S.
         starts: their fitted initial states, ``(S, nq + nv)``.
     """
-    calm = is_predictable(engine, candidate, runs, np.asarray(starts))
-    known = {run.label for run, sound in zip(runs, calm, strict=True) if sound}
-    entries = [entry for entry in holdout["runs"] if entry["run"] in known]
+    entries = foreseeable(holdout, engine, candidate, runs, starts)
     if not entries:
         return None
     for kind, what in (("free_run", "free runs"), ("one_step", "forecasts by one step")):
@@ -85,6 +83,20 @@ def _see_ahead(entries: Sequence[Mapping[str, Any]]) -> bool:
     sound = all(0.0 < entry["one_step"]["before"] < FAILED for some in lost for entry in some)
     steps = [_errors(some, "one_step") for some in lost]
     return bool(steps) and sound and all(after <= NO_BETTER * before for before, after, _ in steps)
+
+
+def foreseeable(
+    holdout: Mapping[str, Any],
+    engine: Engine,
+    candidate: Candidate,
+    runs: Sequence[Run],
+    starts: Sequence[Sequence[float]],
+) -> list[Mapping[str, Any]]:
+    """The errors of those held-out runs that can be forecast; see :func:`refutation` for the arguments."""
+    calm = is_predictable(engine, candidate, runs, np.asarray(starts))
+    wild = {run.label for run, sound in zip(runs, calm, strict=True) if not sound}
+    known = {run.label for run in runs} - wild
+    return [entry for entry in holdout["runs"] if entry["run"] in known]
 
 
 def is_predictable(engine: Engine, candidate: Candidate, runs: Sequence[Run], starts: Array) -> NDArray[np.bool_]:

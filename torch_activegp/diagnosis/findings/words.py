@@ -55,6 +55,16 @@ def sentence(
     return f"{text}{_rest(details)}."
 
 
+def unforeseen(why: str, doubts: Sequence[str] = ()) -> str:
+    """What only held-out runs show, where they do, and what to doubt first.
+
+    Args:
+        why: in a sentence; empty where they show no more than the others.
+        doubts: as for :func:`sentence`.
+    """
+    return why and f"{why}{_doubted(doubts)}"
+
+
 def _noise(details: Mapping[str, Any]) -> str:
     """Noise alone, or more than rows show that follow each other so slowly that it may be noise."""
     left = details["unexplained"]["chi2_per_dof"]

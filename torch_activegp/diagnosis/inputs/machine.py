@@ -33,7 +33,7 @@ class Machine:
         model: compiled nominal model.
         channels: the recorded joints.
         fit: runs for fitting and selection.
-        holdout: runs that are only forecast.
+        holdout: runs that are forecast, and choose no name.
         notes: what was decided about the recordings.
         doubts: those of them by which all controls are missing, or a column may be in another unit or of another sign.
         lacks: those by which some controls are missing, of drives that may have rested.
@@ -78,8 +78,8 @@ def make_machine(
     Args:
         model: compiled nominal model.
         recordings: runs for fitting and selection.
-        holdout: runs that are only forecast; without any, the last fifth of the runs is set aside, or of the longest
-            run where there are fewer than 3.
+        holdout: runs that are forecast, and choose no name; without any, the last fifth of the runs is set aside, or of
+            the longest run where there are fewer than 3.
         box: the simulator that the model stands for, where that is not MuJoCo.
 
     Raises:

@@ -26,7 +26,6 @@ from torch_activegp.diagnosis.selection.first_names import Naming, besides, in_b
 from torch_activegp.diagnosis.selection.polish import polish
 from torch_activegp.diagnosis.selection.prospects import hopeless
 from torch_activegp.diagnosis.selection.search import Depth, select
-from torch_activegp.diagnosis.selection.sharpen import sharpened
 from torch_activegp.diagnosis.selection.weak import also_weak
 from torch_activegp.diagnosis.shooting.fit import Fit
 from torch_activegp.diagnosis.shooting.likelihood import Shooting
@@ -258,7 +257,6 @@ def _finish(
         return Explanation(nameless[0].engine, *nameless, tuple(effects), fine=True)
     correct_alike(selection, shooting, effects)
     polish(shooting, selection, effects)
-    shooting = sharpened(engine, shooting, selection)
     fine, firm = engine is not numerics.given, numerics.sticks(engine)
     return Explanation(engine, shooting, selection, tuple(effects), fine, firm)
 

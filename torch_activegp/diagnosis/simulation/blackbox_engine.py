@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from typing import Self
 
 import numpy as np
 from numpy.typing import NDArray
@@ -70,7 +71,7 @@ class BlackBoxEngine(Engine):
         """Itself: the simulator steps as it does."""
         return self
 
-    def in_shorter_steps(self, times: int) -> BlackBoxEngine:
+    def in_shorter_steps(self, times: int) -> Self:
         """Itself."""
         return self
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import copy
 import logging
 from collections.abc import Sequence
+from typing import Self
 
 import mujoco
 import mujoco.batch
@@ -106,13 +107,13 @@ class Engine:
         made.substeps = fewer
         return made
 
-    def in_shorter_steps(self, times: int) -> Engine:
+    def in_shorter_steps(self, times: int) -> Self:
         """The same in so many times as many steps."""
         made = self._copy()
-        made.substeps, made.stride = self.substeps * times, 1
+        made.substeps *= times
         return made
 
-    def _copy(self) -> Engine:
+    def _copy(self) -> Self:
         made = copy.copy(self)
         made.model, made._fields, made.work = copy.copy(self.model), {}, 0.0
         made._memories = Memories(self.channels)

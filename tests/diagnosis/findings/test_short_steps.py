@@ -1,0 +1,82 @@
+from __future__ import annotations
+
+import dataclasses
+
+import numpy as np
+import pytest
+
+from tests.diagnosis.conftest import INERTIA, NOISE, RATE, XML, Bench, assemble
+from torch_activegp.data import Recording
+from torch_activegp.diagnosis.findings.short_steps import numbers_of
+from torch_activegp.diagnosis.shooting.fit import Fit
+from torch_activegp.physics.stops import JointStop
+
+AT, STIFFNESS, DAMPING = 0.3, 60.0, 1.5
+
+
+def strikes(seed: int) -> Recording:
+    """The pendulum of the bench against a stop, by the semi-implicit Euler scheme in steps of 20 us."""
+    rng, h = np.random.default_rng(seed), 2e-5
+    time = np.arange(4 * RATE + 1) / RATE
+    control = 2.0 * np.sin(2 * np.pi * rng.uniform(0.6, 0.9) * time + rng.uniform(0, 2 * np.pi))
+    q, v, angles = 0.0, 0.0, []
+    for u in control:
+        angles.append(q)
+        for _ in range(round(1 / RATE / h)):
+            stop = max(STIFFNESS * (q - AT) + DAMPING * v, 0.0) if q > AT else 0.0
+            v += h * (u - 9.81 * 0.5 * np.sin(q) - stop) / INERTIA
+            q += h * v
+    assert max(angles) > AT + 0.02
+    noisy = np.array(angles) + 0.1 * NOISE * rng.normal(size=len(time))
+    return Recording.from_columns(f"run{seed}", {"time": time, "qpos.hip": noisy, "ctrl.drive": control})
+
+
+@pytest.fixture(scope="module")
+def struck() -> Bench:
+    made = assemble("stop", XML, [strikes(seed) for seed in range(3)], strikes(9))
+    noise = dataclasses.replace(made.shooting.noise, scale=0.1 * made.shooting.noise.scale)
+    return dataclasses.replace(made, shooting=dataclasses.replace(made.shooting, noise=noise))
+
+
+@pytest.fixture(autouse=True)
+def _in_time(monkeypatch) -> None:
+    """Fits of three runs end soon: they creep at the jump, and a tenth of the work is near enough."""
+    monkeypatch.setattr("torch_activegp.diagnosis.findings.short_steps._WORK", 1e6)
+
+
+def in_long_steps(bench: Bench) -> Fit:
+    stop = next(e for e in bench.effects if isinstance(e, JointStop) and e.variant == "upper")
+    return bench.shooting.fit([((stop,), (np.array([STIFFNESS, DAMPING, AT]),))], bench.nominal.starts)[0]
+
+
+def test_the_numbers_of_a_stop_are_those_of_short_steps(struck: Bench) -> None:
+    coarse = in_long_steps(struck)
+    sharp, notes = numbers_of(struck.engine, struck.shooting, coarse, held=True)
+    true = np.array([STIFFNESS, DAMPING, AT])
+    before, after = (np.abs(fit.values[0] - true) / true for fit in (coarse, sharp))
+    assert before[1] > 0.015
+    assert (after[:2] < 0.3 * before[:2]).all()
+    assert sharp.chi2 < 0.2 * coarse.chi2
+    assert sharp.information.shape == (3, 3)
+    assert notes == [
+        "joint_stop at joint:hip: the numbers given here were fitted in steps of 0.31 ms, for where in a longer one "
+        "something strikes is an accident. The corrected model has those that do the same in its steps."
+    ]
+
+
+def test_nothing_changes_where_nothing_strikes(bench) -> None:
+    smooth = bench.fit("viscous_friction", 0.05)
+    assert numbers_of(bench.engine, bench.shooting, smooth, held=True) == (smooth, [])
+
+
+@pytest.mark.parametrize(("flattered", "afforded"), [(0.05, 6e5), (1.0, 10.0)])
+def test_long_steps_stay_where_short_ones_do_worse_or_take_too_long(
+    struck: Bench, monkeypatch, flattered: float, afforded: float
+) -> None:
+    """The first as by the steps of a simulator that made the recordings."""
+    monkeypatch.setattr("torch_activegp.diagnosis.findings.short_steps._AFFORDED", afforded)
+    coarse = in_long_steps(struck)
+    coarse = dataclasses.replace(coarse, chi2=flattered * coarse.chi2)
+    fit, notes = numbers_of(struck.engine, struck.shooting, coarse, held=False)
+    assert fit is coarse
+    assert notes == []
