@@ -8,10 +8,7 @@ import pytest
 from torch_activegp.diagnosis.noise.model import NoiseModel
 from torch_activegp.diagnosis.selection.compared import Selection
 from torch_activegp.diagnosis.selection.judge import (
-    BEHIND_A_FLOOR,
-    BEHIND_COLOUR,
     SEEN,
-    _least_behind_noise,
     _split,
     judge,
     omnibus,
@@ -332,7 +329,7 @@ def test_names_that_gain_much_are_kept_before_what_may_be_noise(bench, monkeypat
     from torch_activegp.diagnosis.selection import judge as module
 
     monkeypatch.setattr(module, "_visible", lambda shooting, fit, left: False)
-    monkeypatch.setattr(module, "_least_behind_noise", lambda shooting, best, names: bar)
+    monkeypatch.setattr(module, "least_gain", lambda shooting, best, few: bar)
     wet = bench.fit("viscous_friction", 0.05)
     part = dataclasses.replace(wet, chi2=wet.chi2 + 0.4 * (bench.nominal.chi2 - wet.chi2))
     left = dataclasses.replace(omnibus(bench.shooting, bench.nominal), excess=part.chi2 - wet.chi2)
@@ -345,22 +342,19 @@ def test_names_that_gain_much_are_kept_before_what_may_be_noise(bench, monkeypat
     assert judge(bench.shooting, selection(bench, part)).verdict == "none"
 
 
-def test_what_names_leave_may_be_the_colour_of_noise_or_a_floor_that_is_low(bench) -> None:
-    shooting, segments = bench.shooting, bench.shooting.segments
-    near, far = (dataclasses.replace(bench.nominal, chi2=part * shooting.dof) for part in (1.04, 1.06))
+def test_a_weak_name_that_leaves_much_in_what_passes_for_noise_is_none(bench, monkeypatch) -> None:
+    from torch_activegp.diagnosis.selection import judge as module
 
-    def least(fit=near, names: int = 1, **changed) -> float:
-        return _least_behind_noise(dataclasses.replace(shooting, **changed), fit, names)
-
-    assert [least(), least(far), least(names=3)] == [BEHIND_A_FLOOR, np.inf, np.inf]
-    slow = dataclasses.replace(segments, dt=np.full_like(segments.dt, 0.02))
-    assert least(far, 5, segments=slow) == BEHIND_COLOUR
-    videos = tuple(dataclasses.replace(run, video=True) for run in segments.runs)
-    assert least(segments=dataclasses.replace(slow, runs=videos)) == np.inf
-    coloured = dataclasses.replace(shooting.noise, colour=np.ones_like(shooting.noise.colour))
-    assert least(far, noise=coloured) == BEHIND_COLOUR
-    every_other = tuple(dataclasses.replace(run, left_out=np.arange(len(run)) % 2 == 1) for run in segments.runs)
-    assert least(segments=dataclasses.replace(segments, runs=every_other)) == np.inf
+    monkeypatch.setattr(module, "_visible", lambda shooting, fit, left: False)
+    wet = bench.fit("viscous_friction", 0.05)
+    passes = dataclasses.replace(omnibus(bench.shooting, wet), p_value=0.5)
+    monkeypatch.setattr(module, "omnibus", lambda shooting, fit: passes)
+    for gained, share, verdict in ((60.0, 0.3, "none"), (60.0, 0.1, "named"), (160.0, 0.3, "named")):
+        found = selection(bench, wet)
+        found.score = dataclasses.replace(found.score, material=0.0, scale=(bench.nominal.chi2 - wet.chi2) / gained)
+        passes = dataclasses.replace(passes, excess=share / (1.0 - share) * (bench.nominal.chi2 - wet.chi2))
+        monkeypatch.setattr(module, "omnibus", lambda shooting, fit, left=passes: left)
+        assert judge(bench.shooting, found).verdict == verdict
 
 
 def test_a_slight_colour_of_the_noise_makes_no_set_inadequate(bench, monkeypatch) -> None:

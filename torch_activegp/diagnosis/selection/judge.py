@@ -10,6 +10,7 @@ import numpy as np
 from scipy import stats
 
 from torch_activegp.diagnosis.preparation.noise_left import recoloured, rises
+from torch_activegp.diagnosis.selection.behind_noise import BEHIND_COLOUR, least_gain
 from torch_activegp.diagnosis.selection.compared import Selection, fitted
 from torch_activegp.diagnosis.selection.free_force import free_force_columns
 from torch_activegp.diagnosis.selection.intervals import is_certain
@@ -61,17 +62,6 @@ VISIBLE_IN_COLOUR = 1.5
 VISIBLE_UNSEEN = 5.0
 """The same for recordings below 67 Hz: whether an encoder filters its noise cannot be seen there, and behind a filter
 of one pole at 0.7 fourth differences show a fifth of the variance."""
-BEHIND_COLOUR = 100.0
-"""Score, in units of what is left, by which names must be better to be believed that leave coloured noise, or more than
-15 % of a mismatch in what passes for noise. In a control at 50 Hz whose filtered noise left 2.3 times its floor none
-scored better, and a mass by 53 where a clock jittered; a spring that was missing at 50 Hz scored 336."""
-BEHIND_A_FLOOR = 250.0
-"""The same behind white noise. In 170 controls names scored better by 42 at most; a gain that was missing on a machine
-that strikes scored 563, and left 3 % more than the floor."""
-_A_LOW_FLOOR = 1.05
-"""Times the noise that names leave at most where its floor may be too low."""
-_THINNED = 0.6
-"""Part of the rows that counts below which a recording is one of which a filter left some."""
 SLOW = 1 / 30
 VISIBLE_WHEN_SLOW = 12.0
 """The same for recordings below 30 Hz, as from video: their differences hardly show slow errors of the recorder."""
@@ -198,7 +188,7 @@ def judge(shooting: Shooting, selection: Selection) -> Judgement:
     if after.p_value < DOUBT and (unexplained > most or crowded):
         if (crowded and unexplained <= INADEQUATE) or _visible(shooting, nominal, before):
             verdict = "unknown"
-        elif not plain or gained < _least_behind_noise(shooting, best, count):
+        elif not plain or gained < least_gain(shooting, best, count < MANY):
             return _nameless(shooting, nominal, before, rivals)
     elif unexplained > INADEQUATE and gained < BEHIND_COLOUR:
         return _nameless(shooting, nominal, before, rivals)
@@ -213,21 +203,6 @@ def _nameless(shooting: Shooting, fit: Fit, left: Omnibus, rivals: _Compared) ->
     unknown = somewhere or _visible(shooting, fit, left)
     verdict, share = ("unknown", 1.0) if unknown else ("none", 0.0)
     return Judgement(verdict, fit, (), (), (), (), (), share, not unknown, left.p_value, rivals)
-
-
-def _least_behind_noise(shooting: Shooting, best: Fit, names: int) -> float:
-    """Score by which names must be better that leave what may be noise, though it seems to be none.
-
-    It may be the noise's own colour, where that is seen or would not be, but for videos; or a floor that is a few
-    percent too low, behind few names. Not in the rows that are left of a filtered recording: in a control a backlash
-    gained 176 there, and a centre of mass 308 in place of an encoder's offset.
-    """
-    runs = shooting.segments.runs
-    if (shooting.noise.colour.any() or shooting.hides_colour) and not any(run.video for run in runs):
-        return BEHIND_COLOUR
-    thinned = min(float(run.counted.mean()) for run in runs) < _THINNED
-    white = not (thinned or shooting.hides_colour) and best.chi2 < _A_LOW_FLOOR * shooting.dof
-    return BEHIND_A_FLOOR if white and names < MANY else np.inf
 
 
 def _visible(shooting: Shooting, fit: Fit, left: Omnibus) -> bool:

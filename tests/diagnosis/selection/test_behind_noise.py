@@ -1,0 +1,25 @@
+from __future__ import annotations
+
+import dataclasses
+
+import numpy as np
+
+from torch_activegp.diagnosis.selection.behind_noise import BEHIND_A_FLOOR, BEHIND_COLOUR, least_gain
+
+
+def test_what_names_leave_may_be_the_colour_of_noise_or_a_floor_that_is_low(bench) -> None:
+    shooting, segments = bench.shooting, bench.shooting.segments
+    near, far = (dataclasses.replace(bench.nominal, chi2=part * shooting.dof) for part in (1.04, 1.06))
+
+    def least(fit=near, few: bool = True, **changed) -> float:
+        return least_gain(dataclasses.replace(shooting, **changed), fit, few)
+
+    assert [least(), least(far), least(few=False)] == [BEHIND_A_FLOOR, np.inf, np.inf]
+    slow = dataclasses.replace(segments, dt=np.full_like(segments.dt, 0.02))
+    assert least(far, few=False, segments=slow) == BEHIND_COLOUR
+    videos = tuple(dataclasses.replace(run, video=True) for run in segments.runs)
+    assert least(segments=dataclasses.replace(slow, runs=videos)) == np.inf
+    coloured = dataclasses.replace(shooting.noise, colour=np.ones_like(shooting.noise.colour))
+    assert least(far, noise=coloured) == BEHIND_COLOUR
+    every_other = tuple(dataclasses.replace(run, left_out=np.arange(len(run)) % 2 == 1) for run in segments.runs)
+    assert least(segments=dataclasses.replace(segments, runs=every_other)) == np.inf
