@@ -197,7 +197,7 @@ def _report(
             *verdict.notes,
         ],
         "rivals": rival_entries(explanation, judgement),
-        "retuned": retuned_entries(explanation, judgement),
+        "retuned": retuned_entries(explanation, judgement, numbers),
         "mjcf_diff": difference if chosen.effects else None,
         "remainder": None if outcome is None else outcome.details,
     }

@@ -59,8 +59,9 @@ def test_the_numbers_of_a_stop_are_those_of_short_steps(struck: Bench) -> None:
     assert sharp.chi2 < 0.2 * coarse.chi2
     assert sharp.information.shape == (3, 3)
     assert notes == [
-        "joint_stop at joint:hip: the numbers given here were fitted in steps of 0.31 ms, for where in a longer one "
-        "something strikes is an accident. The corrected model has those that do the same in its steps."
+        "joint_stop at joint:hip: all parameters given here were fitted in steps of 0.31 ms, for where in a longer one "
+        "something strikes is an accident. The corrected model, curves and what is said of stability have those that "
+        "do the same in longer steps."
     ]
 
 

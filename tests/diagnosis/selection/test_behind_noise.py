@@ -23,3 +23,5 @@ def test_what_names_leave_may_be_the_colour_of_noise_or_a_floor_that_is_low(benc
     assert least(far, noise=coloured) == BEHIND_COLOUR
     every_other = tuple(dataclasses.replace(run, left_out=np.arange(len(run)) % 2 == 1) for run in segments.runs)
     assert least(segments=dataclasses.replace(segments, runs=every_other)) == np.inf
+    lost = tuple(dataclasses.replace(run, recorded=np.arange(len(run)) % 2 == 0) for run in segments.runs)
+    assert least(segments=dataclasses.replace(segments, runs=lost)) == BEHIND_A_FLOOR

@@ -57,10 +57,12 @@ def test_a_name_stays_where_shorter_steps_do_not_do_as_well(leaning, monkeypatch
     assert nameless_in_finer_steps(numerics, shooting, named(leaning, 0.5)) is None
 
 
-def test_it_is_asked_only_where_little_is_missing_and_something_touches(leaning, bench) -> None:
+def test_it_is_asked_only_where_little_is_missing_and_something_touches(leaning, bench, monkeypatch) -> None:
     numerics, shooting, nominal, _ = leaning
-    much = 1.4 * shooting.dof / nominal.chi2
-    assert nameless_in_finer_steps(numerics, shooting, named(leaning, 1.0, much)) is None
+    for part, asked in ((1.01, True), (0.99, False)):
+        least = part * nominal.chi2 / shooting.dof
+        monkeypatch.setattr("torch_activegp.diagnosis.selection.finer_steps._SMALL", least)
+        assert (nameless_in_finer_steps(numerics, shooting, named(leaning, 1.5)) is not None) is asked
     assert nameless_in_finer_steps(numerics, shooting, Selection(nominal, [nominal], Score(100, 60, 1.0))) is None
     assert [form.substeps for form in numerics.finer] == [2 * numerics.given.substeps, 4 * numerics.given.substeps]
     assert Numerics.of(bench.machine, 1).finer == ()

@@ -347,13 +347,18 @@ def test_a_weak_name_that_leaves_much_in_what_passes_for_noise_is_none(bench, mo
 
     monkeypatch.setattr(module, "_visible", lambda shooting, fit, left: False)
     wet = bench.fit("viscous_friction", 0.05)
-    passes = dataclasses.replace(omnibus(bench.shooting, wet), p_value=0.5)
-    monkeypatch.setattr(module, "omnibus", lambda shooting, fit: passes)
-    for gained, share, verdict in ((60.0, 0.3, "none"), (60.0, 0.1, "named"), (160.0, 0.3, "named")):
+    total, known = bench.nominal.chi2 - wet.chi2, omnibus(bench.shooting, wet)
+    cases = [
+        (60.0, 0.3, 0.05, "none"),
+        (60.0, 0.1, 0.05, "named"),
+        (160.0, 0.3, 0.05, "named"),
+        (60.0, 0.3, 0.5, "named"),
+    ]
+    for gained, share, p_value, verdict in cases:
         found = selection(bench, wet)
-        found.score = dataclasses.replace(found.score, material=0.0, scale=(bench.nominal.chi2 - wet.chi2) / gained)
-        passes = dataclasses.replace(passes, excess=share / (1.0 - share) * (bench.nominal.chi2 - wet.chi2))
-        monkeypatch.setattr(module, "omnibus", lambda shooting, fit, left=passes: left)
+        found.score = dataclasses.replace(found.score, material=0.0, scale=total / gained)
+        left = dataclasses.replace(known, p_value=p_value, excess=share / (1.0 - share) * total)
+        monkeypatch.setattr(module, "omnibus", lambda shooting, fit, left=left: left)
         assert judge(bench.shooting, found).verdict == verdict
 
 

@@ -42,11 +42,11 @@ def named_effects(
     )
 
 
-def retuned_entries(explanation: Explanation, judgement: Judgement) -> list[dict[str, Any]]:
-    """What goes into the correction without a name."""
+def retuned_entries(explanation: Explanation, judgement: Judgement, numbers: Fit) -> list[dict[str, Any]]:
+    """What goes into the correction without a name; see :func:`named_effects`."""
     out = []
     for effect in judgement.retuned if judgement.verdict in ("named", "tie") else ():
-        values = estimates(explanation.shooting, judgement.fit, effect)
+        values = estimates(explanation.shooting, numbers, effect)
         parameters = {k: {"value": e.value, "unit": e.unit, "ci95": list(e.ci95)} for k, e in values.items()}
         out.append({"name": effect.name, "target": effect.target, "parameters": parameters})
     return out

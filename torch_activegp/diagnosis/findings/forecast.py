@@ -37,7 +37,7 @@ _ROUGHLY = (0.005, 0.00125)
 """Time steps in which initial states are fitted, s: the first that tell what the engine does."""
 _LOST = 4.0
 """A model whose chi2 per sample is larger on a run does not follow it."""
-STILL = 3.0
+_STILL = 3.0
 """A joint that moves by less than so many times its noise in a run stands still there."""
 FAILED = 1e9
 """The error of a simulation that fails, in standard deviations as all errors are."""
@@ -256,7 +256,7 @@ def compare(
     for number, run in enumerate(runs):
         spread = run.position[run.counted].std(axis=0)
         scored = run.counted & (np.arange(len(run)) >= begins[number])
-        still = spread < STILL * noise.scale
+        still = spread < _STILL * noise.scale
         spread = np.where(still, noise.scale, spread)
         frees = {name: some[number] for name, some in free.items()}
         for c, joint in enumerate(joints):

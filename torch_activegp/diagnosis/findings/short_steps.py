@@ -43,7 +43,7 @@ def numbers_of(engine: Engine, shooting: Shooting, fit: Fit, held: bool) -> tupl
         return fit, []
     sharp, taken = fit, engine
     for times in _SHORTER:
-        form = engine.in_shorter_steps(times)
+        form = engine.in_shorter_steps(times)  # all of them everywhere, for what strikes wants short ones
         if form is engine or Engine.steps_in(form, shooting.segments) > _AFFORDED:
             break
         finer = dataclasses.replace(shooting, engine=form, cheap=shooting.engine, offset=None)
@@ -55,6 +55,7 @@ def numbers_of(engine: Engine, shooting: Shooting, fit: Fit, held: bool) -> tupl
         return fit, []
     length, what = 1e3 * median_step(shooting.segments.runs) / taken.substeps, "model" if held else "simulator"
     return sharp, [
-        f"{' and '.join(striking)}: the numbers given here were fitted in steps of {length:.2g} ms, for where in a "
-        f"longer one something strikes is an accident. The corrected {what} has those that do the same in its steps."
+        f"{' and '.join(striking)}: all parameters given here were fitted in steps of {length:.2g} ms, for where in a "
+        f"longer one something strikes is an accident. The corrected {what}, curves and what is said of stability have "
+        "those that do the same in longer steps."
     ]

@@ -8,7 +8,6 @@ from typing import Any
 
 import numpy as np
 
-from torch_activegp.diagnosis.findings.forecast import STILL
 from torch_activegp.diagnosis.findings.unseen import foreseeable
 from torch_activegp.diagnosis.findings.verdict import Verdict
 from torch_activegp.diagnosis.inputs.runs import Run
@@ -51,7 +50,6 @@ def surprise(
         (entry[kind]["before"] / (bar * louder * entry[kind]["noise"]), what, kind, entry)
         for entry in foreseeable(holdout, engine, NOMINAL, runs, starts)
         for kind, (bar, what) in _FAR.items()
-        if STILL * entry[kind]["noise"] <= 1.0
     ]
     if not each:
         return None
@@ -59,11 +57,12 @@ def surprise(
     if far <= 1.0:
         return None
     error, noise = entry[kind]["before"], entry[kind]["noise"]
+    motion = f"{error:.3g} of the motion of {entry['channel']}, " if noise < 1.0 else ""
+    still = "" if motion else f" of {entry['channel']}, which stands still there"
     return (
         f"The simulator and the recordings that were fitted differ by noise alone, but not those held out: {what} of "
-        f"{entry['run']} is off by {error:.3g} of the motion of {entry['channel']}, {error / noise:.0f} times the "
-        "noise. What is missing acts, most likely, where the others hardly go: give this run, or more like it, to be "
-        "fitted too."
+        f"{entry['run']} is off by {motion}{error / noise:.0f} times the noise{still}. What is missing acts, most "
+        "likely, where the others hardly go: give this run, or more like it, to be fitted too."
     )
 
 

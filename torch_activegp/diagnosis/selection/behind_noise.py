@@ -9,15 +9,15 @@ from torch_activegp.diagnosis.shooting.likelihood import Shooting
 
 BEHIND_COLOUR = 100.0
 """Score, in units of what is left, by which names must be better to be believed that leave coloured noise, or more than
-15 % of a mismatch in what passes for noise. In a control at 50 Hz whose filtered noise left 2.3 times its floor none
-scored better, and a mass by 53 where a clock jittered; a spring that was missing at 50 Hz scored 336."""
+15 % of a mismatch in what may be noise (at 1 to 10 %). In a control at 50 Hz whose filtered noise left 2.3 times its
+floor none scored better, and a mass by 53 where a clock jittered; a spring that was missing at 50 Hz scored 336."""
 BEHIND_A_FLOOR = 250.0
 """The same behind white noise. In 170 controls names scored better by 42 at most; a gain that was missing on a machine
 that strikes scored 563, and left 3 % more than the floor."""
 _A_LOW_FLOOR = 1.05
 """Times the noise that names leave at most where its floor may be too low."""
 _THINNED = 0.6
-"""Part of the rows that counts below which a recording is one of which a filter left some."""
+"""Part of the recorded rows that counts below which a recording is one of which a filter left some."""
 
 
 def least_gain(shooting: Shooting, best: Fit, few: bool) -> float:
@@ -40,5 +40,5 @@ def least_gain(shooting: Shooting, best: Fit, few: bool) -> float:
         return np.inf
     if shooting.noise.colour.any() or shooting.hides_colour:
         return BEHIND_COLOUR
-    thinned = min(float(run.counted.mean()) for run in runs) < _THINNED
+    thinned = min(float(run.counted.sum() / run.recorded.sum()) for run in runs) < _THINNED
     return BEHIND_A_FLOOR if few and not thinned and best.chi2 < _A_LOW_FLOOR * shooting.dof else np.inf

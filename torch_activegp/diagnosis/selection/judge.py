@@ -54,7 +54,7 @@ SEEN_IN_VAIN = 0.03
 """The same where the search was cut short: after so much of it, nothing on the list leaves noise alone. A friction that
 grows with the load left 0.09 behind Stribeck friction and a spring, at 50 Hz."""
 SURE = 1e-5
-DOUBT = 0.01
+DOUBT, _MAYBE = 0.01, 0.1
 VISIBLE = 0.3
 """A mismatch without any name must be this large a part of the noise: floors are known no better."""
 VISIBLE_IN_COLOUR = 1.5
@@ -190,7 +190,7 @@ def judge(shooting: Shooting, selection: Selection) -> Judgement:
             verdict = "unknown"
         elif not plain or gained < least_gain(shooting, best, count < MANY):
             return _nameless(shooting, nominal, before, rivals)
-    elif unexplained > INADEQUATE and gained < BEHIND_COLOUR:
+    elif after.p_value < _MAYBE and unexplained > INADEQUATE and gained < BEHIND_COLOUR:
         return _nameless(shooting, nominal, before, rivals)
     return Judgement(
         verdict, best, order, shares, probabilities, ties, retuned, unexplained, white, min(p_value, 1.0), rivals

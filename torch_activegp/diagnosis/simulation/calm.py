@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Self
 
 import mujoco
 import numpy as np
@@ -73,12 +72,6 @@ class CalmEngine(Engine):
         """Time steps of one simulation of some segments by effects that want no short steps themselves."""
         part = float(self.touched(segments).mean())
         return part * super().steps_in(segments) + (1.0 - part) * self._calm.steps_in(segments)
-
-    def in_shorter_steps(self, times: int) -> Self:
-        """The same in so many times as many steps, everywhere."""
-        made = super().in_shorter_steps(times)
-        made._calm = self._calm.in_shorter_steps(times)
-        return made
 
     def wants_steps(self, effect: Effect) -> bool:
         """Whether an effect wants the short steps everywhere."""
