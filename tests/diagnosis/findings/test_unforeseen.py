@@ -8,6 +8,7 @@ import pytest
 
 from torch_activegp.diagnosis import diagnose
 from torch_activegp.diagnosis.findings.unforeseen import seen_there, surprise
+from torch_activegp.diagnosis.findings.unseen import foreseeable
 from torch_activegp.diagnosis.findings.verdict import decide
 from torch_activegp.diagnosis.inputs.runs import Run
 from torch_activegp.diagnosis.inputs.segments import cut
@@ -18,6 +19,7 @@ from torch_activegp.diagnosis.shooting.fit import Fit
 from torch_activegp.diagnosis.shooting.likelihood import Shooting
 from torch_activegp.diagnosis.shooting.point import FAILED
 from torch_activegp.diagnosis.shooting.score import Score
+from torch_activegp.diagnosis.simulation.candidate import NOMINAL
 
 
 def said(free: float, step: float, run: str) -> dict:
@@ -42,17 +44,20 @@ def said(free: float, step: float, run: str) -> dict:
 def test_held_out_runs_far_above_the_noise_are_a_surprise(bench, free, step, words) -> None:
     runs, start = bench.machine.holdout, bench.engine.starts(bench.segments)[:1]
     assert runs[0].label == "kept"
-    why = surprise(said(free, step, "kept"), bench.shooting, bench.engine, runs, start.tolist())
+    why = surprise(foreseeable(said(free, step, "kept"), bench.engine, NOMINAL, runs, start.tolist()), bench.shooting)
     assert (why is None) is (words is None)
     assert why is None or words in why
-    assert surprise(said(free, step, "another"), bench.shooting, bench.engine, runs, start.tolist()) is None
+    assert (
+        surprise(foreseeable(said(free, step, "another"), bench.engine, NOMINAL, runs, start.tolist()), bench.shooting)
+        is None
+    )
 
 
 def test_a_joint_that_stands_still_has_no_motion_to_be_off_by(bench) -> None:
     runs, start = bench.machine.holdout, bench.engine.starts(bench.segments)[:1]
     errors = {"before": 9.0, "noise": 1.0}
     entry = {"run": "kept", "channel": "qpos.hip", "free_run": errors, "one_step": {"before": 1.0, "noise": 1.0}}
-    why = surprise({"runs": [entry]}, bench.shooting, bench.engine, runs, start.tolist())
+    why = surprise(foreseeable({"runs": [entry]}, bench.engine, NOMINAL, runs, start.tolist()), bench.shooting)
     assert why is not None
     assert "the free run of kept is off by 9 times the noise of qpos.hip, which stands still there." in why
 
@@ -61,8 +66,8 @@ def test_where_noise_may_be_louder_than_its_floor_more_is_no_surprise(bench) -> 
     runs, start = bench.machine.holdout, bench.engine.starts(bench.segments)[:1]
     held_out = said(0.08, 0.02, "kept")
     coloured = dataclasses.replace(bench.shooting, noise=NoiseModel(bench.shooting.noise.scale, np.array([[0.6, 0.0]])))
-    assert surprise(held_out, bench.shooting, bench.engine, runs, start.tolist()) is not None
-    assert surprise(held_out, coloured, bench.engine, runs, start.tolist()) is None
+    assert surprise(foreseeable(held_out, bench.engine, NOMINAL, runs, start.tolist()), bench.shooting) is not None
+    assert surprise(foreseeable(held_out, bench.engine, NOMINAL, runs, start.tolist()), coloured) is None
 
 
 @pytest.fixture

@@ -8,7 +8,7 @@ import pytest
 
 from torch_activegp.data import Recording
 from torch_activegp.diagnosis import diagnose
-from torch_activegp.diagnosis.findings.unseen import is_predictable, refutation, taken_back
+from torch_activegp.diagnosis.findings.unseen import foreseeable, is_predictable, refutation, taken_back
 from torch_activegp.diagnosis.findings.verdict import decide
 from torch_activegp.diagnosis.inputs.machine import Machine, make_machine
 from torch_activegp.diagnosis.selection.compared import Selection
@@ -34,7 +34,7 @@ def said(before: float, after: float, run: str, step: tuple[float, float] = (2.0
 )
 def test_what_leaves_much_more_than_noise_and_is_little_better_is_refuted(bench, before, after, lost: bool) -> None:
     runs, start = bench.machine.holdout, bench.engine.starts(bench.segments)[:1]
-    why = refutation(said(before, after, runs[0].label), bench.engine, NOMINAL, runs, start.tolist())
+    why = refutation(foreseeable(said(before, after, runs[0].label), bench.engine, NOMINAL, runs, start.tolist()))
     assert (why is not None) is lost
     assert why is None or "times the noise" in why
 
@@ -53,11 +53,11 @@ def test_a_free_run_that_is_lost_refutes_no_names_that_see_well_ahead(bench, fre
     """What nothing holds goes far by little, in a while. Names with which it is worse are refuted all the same."""
     runs, start = bench.machine.holdout, bench.engine.starts(bench.segments)[:1]
     held_out = said(*free, runs[0].label, step)
-    why = refutation(held_out, bench.engine, NOMINAL, runs, start.tolist())
+    why = refutation(foreseeable(held_out, bench.engine, NOMINAL, runs, start.tolist()))
     assert (why is not None) is lost
     other = said(20.0, 9.0, runs[0].label, (9.0, 8.0), "knee")  # a joint that does not speaks against them
     both = {"runs": [*held_out["runs"], *other["runs"]]}
-    assert refutation(both, bench.engine, NOMINAL, runs, start.tolist()) is not None
+    assert refutation(foreseeable(both, bench.engine, NOMINAL, runs, start.tolist())) is not None
 
 
 @pytest.mark.parametrize(
@@ -71,7 +71,7 @@ def test_a_free_run_that_is_lost_refutes_no_names_that_see_well_ahead(bench, fre
 )
 def test_names_with_which_forecasts_are_worse_than_without_are_refuted(bench, free, step, worse) -> None:
     runs, start = bench.machine.holdout, bench.engine.starts(bench.segments)[:1]
-    why = refutation(said(*free, runs[0].label, step), bench.engine, NOMINAL, runs, start.tolist())
+    why = refutation(foreseeable(said(*free, runs[0].label, step), bench.engine, NOMINAL, runs, start.tolist()))
     assert (why is None) is (worse is None)
     assert why is None or (worse in why and "without" in why)
 
@@ -93,7 +93,9 @@ def test_a_run_that_nothing_forecasts_refutes_nothing() -> None:
     wild, calm = [2.5, 0.1, 0.0, 0.0], [0.1, 0.1, 0.0, 0.0]
     for runs, starts, tells in (([low], [calm], True), ([low], [wild], False), ([high], [calm], False)):
         assert is_predictable(engine, NOMINAL, runs, np.array(starts)).tolist() == [tells]
-        assert (refutation(said(30.0, 20.0, runs[0].label), engine, NOMINAL, runs, starts) is not None) == tells
+        assert (
+            refutation(foreseeable(said(30.0, 20.0, runs[0].label), engine, NOMINAL, runs, starts)) is not None
+        ) == tells
     assert is_predictable(engine, NOMINAL, [high, low], np.array([calm, calm])).tolist() == [False, True]
 
 

@@ -7,7 +7,7 @@ from typing import Any
 
 from torch_activegp.diagnosis.findings.doubts import reservation
 from torch_activegp.diagnosis.findings.unforeseen import seen_there, surprise
-from torch_activegp.diagnosis.findings.unseen import refutation, taken_back
+from torch_activegp.diagnosis.findings.unseen import foreseeable, refutation, taken_back
 from torch_activegp.diagnosis.findings.verdict import Verdict
 from torch_activegp.diagnosis.inputs.machine import Machine
 from torch_activegp.diagnosis.selection.explain import Explanation
@@ -33,9 +33,12 @@ def reconsider(
         starts: fitted initial states of these.
     """
     shooting, engine, runs = explanation.shooting, explanation.engine.without_leapfrog(), machine.holdout
+
+    def entries() -> list[Mapping[str, Any]]:
+        return foreseeable(holdout, engine, chosen.candidate, runs, starts)
+
     if chosen.effects:
-        doubt = reservation(shooting, chosen, machine.doubts)
-        why = doubt or refutation(holdout, engine, chosen.candidate, runs, starts)
+        why = reservation(shooting, chosen, machine.doubts) or refutation(entries())
         return None if why is None else (explanation, taken_back(verdict, why))
-    why = surprise(holdout, shooting, engine, runs, starts) if verdict.judgement.verdict == "none" else None
+    why = surprise(entries(), shooting) if verdict.judgement.verdict == "none" else None
     return None if why is None else seen_there(explanation, verdict, runs, why)

@@ -8,7 +8,6 @@ from typing import Any
 
 import numpy as np
 
-from torch_activegp.diagnosis.findings.unseen import foreseeable
 from torch_activegp.diagnosis.findings.verdict import Verdict
 from torch_activegp.diagnosis.inputs.runs import Run
 from torch_activegp.diagnosis.inputs.segments import cut
@@ -19,8 +18,6 @@ from torch_activegp.diagnosis.selection.explain import Explanation
 from torch_activegp.diagnosis.selection.judge import SURE, least_visible, omnibus
 from torch_activegp.diagnosis.shooting.likelihood import Shooting
 from torch_activegp.diagnosis.shooting.point import FAILED
-from torch_activegp.diagnosis.simulation.candidate import NOMINAL
-from torch_activegp.diagnosis.simulation.engine import Engine
 
 _FAR = {"free_run": (3.0, "the free run"), "one_step": (5.0, "a forecast by one step")}
 """Times the noise that held-out runs may be off where noise alone is left of the fitted ones, and more where that may
@@ -29,26 +26,17 @@ be louder than its floor. On 79 concealed controls free runs were off by 1.4 tim
 """
 
 
-def surprise(
-    holdout: Mapping[str, Any],
-    shooting: Shooting,
-    engine: Engine,
-    runs: Sequence[Run],
-    starts: Sequence[Sequence[float]],
-) -> str | None:
+def surprise(entries: Sequence[Mapping[str, Any]], shooting: Shooting) -> str | None:
     """Where held-out runs that can be forecast are far off although noise alone is left of the others; None if nowhere.
 
     Args:
-        holdout: their errors, as :func:`~torch_activegp.diagnosis.findings.forecast.compare` gives them.
+        entries: their errors, :func:`~torch_activegp.diagnosis.findings.unseen.foreseeable`.
         shooting: the likelihood of the others.
-        engine: simulates.
-        runs: the held-out runs, S.
-        starts: their fitted initial states, ``(S, nq + nv)``.
     """
     louder = float(np.sqrt(1.0 + least_visible(shooting)))
     each = [
         (entry[kind]["before"] / (bar * louder * entry[kind]["noise"]), what, kind, entry)
-        for entry in foreseeable(holdout, engine, NOMINAL, runs, starts)
+        for entry in entries
         for kind, (bar, what) in _FAR.items()
     ]
     if not each:

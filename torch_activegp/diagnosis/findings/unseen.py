@@ -31,13 +31,7 @@ _NUDGE, _GROWS, _BEGINS = 1e-5, 100.0, 4
 it tells nothing."""
 
 
-def refutation(
-    holdout: Mapping[str, Any],
-    engine: Engine,
-    candidate: Candidate,
-    runs: Sequence[Run],
-    starts: Sequence[Sequence[float]],
-) -> str | None:
+def refutation(entries: Sequence[Mapping[str, Any]]) -> str | None:
     """What the held-out runs that can be forecast say against the named effects, in words; None where nothing.
 
     Free runs with them are lost, or forecasts are worse with them than without. Of a machine that nothing holds a
@@ -47,13 +41,8 @@ def refutation(
     runs choose no name and no number: they can only take names back.
 
     Args:
-        holdout: their errors, as :func:`~torch_activegp.diagnosis.findings.forecast.compare` gives them.
-        engine: simulates.
-        candidate: the named effects.
-        runs: the held-out runs, S.
-        starts: their fitted initial states, ``(S, nq + nv)``.
+        entries: their errors, :func:`foreseeable`.
     """
-    entries = foreseeable(holdout, engine, candidate, runs, starts)
     if not entries:
         return None
     for kind, what in (("free_run", "free runs"), ("one_step", "forecasts by one step")):
@@ -92,7 +81,15 @@ def foreseeable(
     runs: Sequence[Run],
     starts: Sequence[Sequence[float]],
 ) -> list[Mapping[str, Any]]:
-    """The errors of those held-out runs that can be forecast; see :func:`refutation` for the arguments."""
+    """The errors of those held-out runs that can be forecast.
+
+    Args:
+        holdout: of all, as :func:`~torch_activegp.diagnosis.findings.forecast.compare` gives them.
+        engine: simulates.
+        candidate: the named effects.
+        runs: the held-out runs, S.
+        starts: their fitted initial states, ``(S, nq + nv)``.
+    """
     calm = is_predictable(engine, candidate, runs, np.asarray(starts))
     wild = {run.label for run, sound in zip(runs, calm, strict=True) if not sound}
     known = {run.label for run in runs} - wild
