@@ -123,11 +123,11 @@ def test_states_that_promise_little_make_room_for_the_parameters(bench) -> None:
 def test_derivatives_that_were_given_serve_once(bench) -> None:
     best = bench.fit("viscous_friction", 0.02)
     problem = Problem(bench.shooting, best.effects, best.values, best.starts, near=best, smooth=best.starts)
-    assert set(problem._given) == {0}
+    assert set(problem.derivatives.given) == {0}
     problem.ask()
     problem.tell(bench.shooting.residual_of(best)[None], last=False)
-    assert problem._given == {}
-    assert problem._age == 1
+    assert problem.derivatives.given == {}
+    assert problem.derivatives.age == 1
     assert problem.finished
 
 

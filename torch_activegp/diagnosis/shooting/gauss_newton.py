@@ -9,8 +9,7 @@ from numpy.typing import NDArray
 
 from torch_activegp.diagnosis.inputs.runs import Array
 from torch_activegp.diagnosis.shooting.brakes import Brakes
-from torch_activegp.diagnosis.shooting.differences import Differences
-from torch_activegp.diagnosis.shooting.elimination import Eliminated, eliminate
+from torch_activegp.diagnosis.shooting.derivatives import Derivatives
 from torch_activegp.diagnosis.shooting.fit import Fit, inside, resting, split
 from torch_activegp.diagnosis.shooting.followers import Followers
 from torch_activegp.diagnosis.shooting.following import Follower
@@ -54,27 +53,21 @@ class Problem:
         self.shooting, self.effects = shooting, effects
         self._smooth, self._below = smooth, inside(effects, values, below)
         self.resting: Fit | None = None
-        self._given = {} if near is None else near.columns_of(effects, values)
-        self._design = None if near is None else near.design
+        self.derivatives = Derivatives(shooting, effects, values, near)
         self._trust = Trust(effects)
         self._trial = self._trust.inside(np.concatenate([np.zeros(0), *values]))
         self._trial_starts, self._predicted = starts.copy(), 0.0
         self.best: Point | None = None
         self._hold = hold or not len(self._trial)
-        self._settling = 0 if self._hold or self._design is None else SETTLE
-        self._columns: Array | None = None
+        self._settling = 0 if self._hold or self.derivatives.design is None else SETTLE
         self._reach = shooting.state_reach()
-        self._brakes, self._raw, self._taken = Brakes(len(starts)), np.zeros(0), np.zeros(0)
-        self._differences: Differences
-        self._linear: Eliminated
+        self._brakes, self._raw = Brakes(len(starts)), np.zeros(0)
         self.finished = self._smoothed = False
-        self.lent = shooting.lends
         self.only: NDArray[np.bool_] | None = None
         self.known: Array | None = None
         self.others: Array
         self._follower: Follower | None = None
         self._followers, self._patience = Followers(shooting, smooth), Patience()
-        self._stale, self._age = self._design is not None, int(self._design is not None)
 
     @property
     def chi2(self) -> float:
@@ -84,7 +77,16 @@ class Problem:
     @property
     def has_derivatives(self) -> bool:
         """Whether it may end here with its derivatives by the states."""
-        return self._design is not None and self._follower is None
+        return self.derivatives.design is not None and self._follower is None
+
+    @property
+    def lent(self) -> bool:
+        """Whether derivatives may be lent by a cheap simulation."""
+        return self.derivatives.lent
+
+    @lent.setter
+    def lent(self, lent: bool) -> None:
+        self.derivatives.lent = lent
 
     @property
     def waits(self) -> bool:
@@ -104,16 +106,12 @@ class Problem:
     def ask(self) -> tuple[list[Candidate], Array]:
         """A trial alone, or what derivatives want where the last step has changed much, or both in the beginning."""
         flat, starts, self.known = self._trial, self._trial_starts, None
-        if self._design is not None and self._still:
-            self._columns = np.zeros((*self._design.shape[:2], 0))
+        if self._still:
+            self.derivatives.hold()
         if self._follower is not None:
             self.only, self.others = self._follower.only, self._follower.residual
             return self._follower.ask()
-        if self._design is not None and self._columns is not None:
-            return [self._at(flat)], starts[None]
-        moved = self.shooting.state_columns(starts)[: 0 if self._design is not None else None]
-        self._differences = Differences.of(self.effects, flat, moved, None if self._still else self._given)
-        candidates, states = self._differences.candidates(self.effects, flat, starts)
+        candidates, states = self.derivatives.ask(flat, starts, self._still)
         at = self.best
         if at is not None and flat is at.flat and starts is at.starts and len(candidates) > 1:
             self.known = self._raw
@@ -132,11 +130,12 @@ class Problem:
         first, alone = self.best is None, self.best is not None and len(white) == 1
         if alone and self._still:
             self._each_for_itself(residual, per_segment, last)
-        elif alone and self._columns is not None and not total(per_segment) < self.chi2:
+        elif alone and self.derivatives.columns is not None and not total(per_segment) < self.chi2:
             self._worse(residual, per_segment, last)
         else:
-            if len(white) > 1 or self._columns is None:
-                self._take_derivatives(white, self._differences)
+            fresh = len(white) > 1 or self.derivatives.columns is None
+            if fresh and self.derivatives.take(white, self._trial, self._still):
+                self._brakes = Brakes(len(residual))
             self._better(residual, per_segment, len(white) > 1, last)
             if first and self._still and self._smooth is not None:
                 far = self.shooting.segments.far_off(per_segment)
@@ -151,7 +150,7 @@ class Problem:
         if not self._settling:
             return
         assert self.best is not None
-        little = self._design is not None and self._predicted < _ALONE + _SHARE * self.chi2
+        little = self.derivatives.design is not None and self._predicted < _ALONE + _SHARE * self.chi2
         settled = (self.finished or little) and not self._smoothed
         better = self._below if self._below is not None and self.chi2 > self._below[0].chi2 else None
         soon = self.has_derivatives and not last and (settled or self._settling <= 2)
@@ -162,19 +161,19 @@ class Problem:
         if self._settling or last:
             return
         self.only, self._brakes = None, Brakes(len(self._trial_starts))
-        self.finished, self._columns = False, None
+        self.finished, self.derivatives.columns = False, None
         self._trust.begin()
         if better is not None:  # a first guess that makes it worse misleads
             below, self._trial = better
-            self._trial_starts, self._design = below.starts, below.design
-            self._given = below.columns_of(self.effects, split(self.effects, self._trial))
+            self._trial_starts = below.starts
+            self.derivatives.lend(below, self._trial)
             self.best, self._below, self.resting = None, None, resting(self.effects, self._trial, below)
             return
         self._trial, self._trial_starts = self.best.flat, self.best.starts
-        self._design = None if self._followers.rescued else self._design
-        if len(self._given) == len(self._trial) and self._design is not None:
-            columns = self._take_derivatives(self._raw[None], Differences(np.zeros(0)))
-            self._linear = eliminate(self._design, columns, np.nan_to_num(self._raw))
+        if self._followers.rescued:
+            self.derivatives.design = None
+        if self.derivatives.all_lent(self._trial):
+            self.derivatives.linearise(self._raw)
             self._propose()
 
     def _rescues(self, below: Fit) -> bool:
@@ -193,18 +192,16 @@ class Problem:
             if chi2 < old:
                 self._followers.new_point()
         self.resting = None
-        assert self._design is not None and self._columns is not None
-        self._linear = eliminate(self._design, self._columns, np.nan_to_num(residual))
+        self.derivatives.linearise(residual)
         fell = old - chi2
         if not fresh and np.isfinite(old):
             self._trust.lengthen()
-            self._age += 1
+            self.derivatives.age += 1
             self._patience.take(fell, self._predicted, chi2)
-            braked = float(self._linear.promise[self._brakes.on].sum()) > _HOPE * chi2
+            braked = float(self.derivatives.linear.promise[self._brakes.on].sum()) > _HOPE * chi2
             held = braked and fell < 0.5 * self._predicted and not self._patience.ends
             if (fell > _MUCH * chi2 or held) and not last:  # far from where the derivatives were taken: once more, here
-                self._columns = None
-                self._design = None if fell > 0.5 * chi2 or held else self._design
+                self.derivatives.forget(states=fell > 0.5 * chi2 or held)
                 return
             self.finished = fell < 1e-4 * chi2 + 0.05 or self._patience.ends
         self.finished |= last
@@ -213,36 +210,29 @@ class Problem:
 
     def _each_for_itself(self, residual: Array, per_segment: Array, last: bool) -> None:
         """Without free parameters every segment takes its own step, or a shorter one."""
-        assert self.best is not None and self._design is not None and self._columns is not None
-        old, old_starts = self.best.per_segment, self.best.starts
+        assert self.best is not None
+        derivatives, old, old_starts = self.derivatives, self.best.per_segment, self.best.starts
         better = per_segment < old
-        promised = self._linear.promise[~better & self._brakes.on].sum()
-        misled = self._stale and promised > _ALONE + 0.1 * _SHARE * self.chi2
+        promised = self.derivatives.linear.promise[~better & self._brakes.on].sum()
+        misled = derivatives.stale and promised > _ALONE + 0.1 * _SHARE * self.chi2
         self._raw = np.where(better[:, None], residual, self._raw)
         starts = np.where(better[:, None], self._trial_starts, old_starts)
         self.best = Point(self._trial, starts, np.minimum(per_segment, old))
         fell = float((old - self.best.per_segment).sum())
-        self._linear = eliminate(self._design, self._columns, np.nan_to_num(self._raw))
+        derivatives.linearise(self._raw)
         halted = self._brakes.follow(better, (self._trial_starts != old_starts).any(axis=1))
-        self._age += 1
+        derivatives.age += 1
         self.finished = last or (fell < 1e-4 * self.chi2 + _LITTLE and halted)
-        if not last and (misled or (fell > _MUCH * self.chi2 and self._age > _STALE)):
+        if not last and (misled or (fell > _MUCH * self.chi2 and derivatives.age > _STALE)):
             self._anew(misled)
         elif not self.finished:
             self._propose()
             shift = self._trial_starts - self.best.starts
-            self.only, self.others = self._brakes.moving(self._linear, shift, self.best.per_segment), self._raw
+            self.only, self.others = (
+                self._brakes.moving(self.derivatives.linear, shift, self.best.per_segment),
+                self._raw,
+            )
             self._trial_starts = np.where(self.only[:, None], self._trial_starts, self.best.starts)
-
-    def _take_derivatives(self, white: Array, by: Differences) -> Array:
-        if self._design is None:
-            self._design = by.by_states(white)
-            self._age, self._stale, self._brakes = int(self.lent), self.lent, Brakes(len(white[0]))
-        given = {} if self._still else self._given
-        self._columns, self._taken = by.by_parameters(white, given), self._trial
-        if given:
-            self._given, self._age = {}, max(self._age, 1)
-        return self._columns
 
     def _worse(self, residual: Array, per_segment: Array, last: bool) -> None:
         """A step that did not help: states that follow it better, then new derivatives, then a shorter step."""
@@ -254,14 +244,14 @@ class Problem:
         known = Point(self._trial, self._trial_starts, per_segment)
         self._follower = self._followers.behind(trial, known, residual, self.best, shift, self._hopeful)
         if self._follower is None:
-            (self._anew if self._age else self._shorten)()
+            (self._anew if self.derivatives.age else self._shorten)()
 
     def _anew(self, misled: bool = True) -> None:
         """Goes on from the best point with new derivatives: precise ones where those that there were misled."""
         assert self.best is not None
         self._trial, self._trial_starts = self.best.flat, self.best.starts
-        self._design = self._columns = self.only = None
-        self.finished, self.lent = False, self.lent and not misled
+        self.derivatives.forget(misled=misled)
+        self.finished, self.only = False, None
 
     def _shorten(self) -> None:
         self.finished = self._trust.shorten(self._hopeful)
@@ -271,9 +261,9 @@ class Problem:
     def _propose(self) -> None:
         assert self.best is not None
         flat = self.best.flat
-        delta = np.zeros(len(flat)) if self._still else self._trust.step(self._linear, flat)
+        delta = np.zeros(len(flat)) if self._still else self._trust.step(self.derivatives.linear, flat)
         shift = self._shift(delta)
-        self._predicted = self._linear.gain(delta[: self._linear.normal.shape[-1]], shift)
+        self._predicted = self.derivatives.linear.gain(delta[: self.derivatives.linear.normal.shape[-1]], shift)
         if self._predicted < 0.0 and delta.any():  # bounds have bent the step
             return self._shorten()
         self.finished |= self._predicted < _LITTLE + 1e-5 * self.chi2
@@ -286,15 +276,19 @@ class Problem:
     def _shift(self, delta: Array, damping: float = 0.0) -> Array:
         """The step of the initial states ``(S, n)`` beside one of the parameters, with so much damping at least."""
         held = np.maximum(self._brakes.damping, damping)
-        return self._linear.states(delta[: self._linear.normal.shape[-1]], self._reach, held)
+        return self.derivatives.linear.states(delta[: self.derivatives.linear.normal.shape[-1]], self._reach, held)
 
     def result(self) -> Fit:
         """The best point, or the smaller set where nothing was tried since it began from there."""
         if self.resting is not None:
             return self.resting
-        best = self.best
+        best, by = self.best, self.derivatives
         assert best is not None
-        whole = self._columns is not None and self._columns.shape[-1] == len(best.flat)
-        derivatives = (self._design, self._columns, self._taken) if whole else (self._design,)
-        normal, scores, values = self._linear.normal.sum(0), self._linear.gradient, split(self.effects, best.flat)
+        whole = by.columns is not None and by.columns.shape[-1] == len(best.flat)
+        derivatives = (by.design, by.columns, by.taken) if whole else (by.design,)
+        normal, scores, values = (
+            self.derivatives.linear.normal.sum(0),
+            self.derivatives.linear.gradient,
+            split(self.effects, best.flat),
+        )
         return Fit(self.effects, values, best.starts, best.chi2, best.per_segment, normal, scores, *derivatives)
