@@ -7,7 +7,7 @@ import pytest
 from scipy.signal import butter, filtfilt, lfilter
 
 from torch_activegp.diagnosis.noise.model import NoiseModel, colour_scale, high_differences
-from torch_activegp.diagnosis.preparation.noise_left import noise_behind, raised, recoloured, rises
+from torch_activegp.diagnosis.preparation.noise_left import by_segment, noise_behind, raised, recoloured, rises
 from torch_activegp.diagnosis.selection.judge import omnibus
 from torch_activegp.diagnosis.simulation.candidate import NOMINAL
 
@@ -265,3 +265,27 @@ def test_what_shakes_a_machine_rises_above_the_noise(clean, part: float, seen: b
     phase = rng.uniform(0.0, 2 * np.pi, (shape[0], 1, 1))
     shaken = np.sin(2 * np.pi * 0.15 * np.arange(shape[1])[None, :, None] + phase)
     assert left_behind(clean, 1e-3 * (rng.normal(size=shape) + part * np.sqrt(2.0) * shaken)) == seen
+
+
+@pytest.mark.parametrize("pole", [0.0, 0.7])
+def test_noise_is_as_loud_in_every_segment(clean, pole: float) -> None:
+    shooting, fit = with_noise(clean, 5e-4, 1e-3, pole)
+    power, counts = by_segment(shooting, fit)
+    assert power.shape == (1, shooting.segments.size)
+    level = 4.0 * (1.0 - pole**2)
+    np.testing.assert_allclose(power[0] / counts, level, rtol=6.0 * np.sqrt(2.0 / counts.min()))
+    assert power.sum() / counts.sum() == pytest.approx(level, rel=0.2)
+    louder = shooting.segments.position.copy()
+    rng = np.random.default_rng(1)
+    louder[2] += 5e-3 * rng.normal(size=louder[2].shape)
+    segments = dataclasses.replace(shooting.segments, position=louder)
+    again, counts = by_segment(dataclasses.replace(shooting, segments=segments), fit)
+    assert np.argmax(again[0] / counts) == 2
+    assert again[0, 2] > 10.0 * power[0, 2]
+
+
+def test_too_few_values_are_in_no_segment(clean) -> None:
+    shooting, fit = with_noise(clean, 1e-3, 1e-3)
+    power, counts = by_segment(shooting.pick(np.arange(2)), fit.pick(np.arange(2)))
+    assert power.shape == (0, 2)
+    assert counts.tolist() == [0, 0]

@@ -324,6 +324,23 @@ def test_what_no_filter_makes_is_seen_where_a_filter_cannot_be(bench, monkeypatc
     assert judge(shooting, alone).verdict == verdict
 
 
+@pytest.mark.parametrize(
+    ("coming", "least", "verdict"), [(True, 0.1, "unknown"), (False, 0.1, "none"), (True, 1e9, "none")]
+)
+def test_what_comes_and_goes_is_no_noise_where_its_level_is_not_known(
+    bench, monkeypatch, coming, least, verdict
+) -> None:
+    segments = dataclasses.replace(bench.segments, dt=2.0 * bench.segments.dt)
+    shooting = dataclasses.replace(bench.shooting, segments=segments)
+    monkeypatch.setattr("torch_activegp.diagnosis.selection.judge.VISIBLE_UNSEEN", 1e9)
+    monkeypatch.setattr("torch_activegp.diagnosis.selection.judge.VISIBLE_SOMEWHERE", least)
+    monkeypatch.setattr("torch_activegp.diagnosis.selection.judge.rises", lambda shooting, fit: False)
+    monkeypatch.setattr("torch_activegp.diagnosis.selection.judge.stands_out", lambda *_: False)
+    monkeypatch.setattr("torch_activegp.diagnosis.selection.judge.comes_and_goes", lambda *_: coming)
+    alone = Selection(bench.nominal, [bench.nominal], Score(shooting.samples, 20, 1.0))
+    assert judge(shooting, alone).verdict == verdict
+
+
 @pytest.mark.parametrize(("bar", "verdict"), [(100.0, "named"), (1e6, "none")])
 def test_names_that_gain_much_are_kept_before_what_may_be_noise(bench, monkeypatch, bar: float, verdict: str) -> None:
     from torch_activegp.diagnosis.selection import judge as module

@@ -130,6 +130,24 @@ def rises(shooting: Shooting, fit: Fit) -> bool:
     return any(left.rise() > max(_RISES, _CHANCE_RISE * np.sqrt(left.lags / left.count)) for left in lefts)
 
 
+def by_segment(shooting: Shooting, fit: Fit) -> tuple[Array, NDArray[np.int64]]:
+    """The sum of squares of what is new in each segment, ``(C, S)``, and of how many values, ``(S,)``.
+
+    In units of the noise, behind the likeliest colour of what is left: each is about as large for each value, if that
+    is noise of any.
+
+    Args:
+        shooting: the likelihood.
+        fit: of a set.
+    """
+    lefts = _left(shooting, fit)
+    if not lefts:
+        return np.zeros((0, shooting.segments.size)), np.zeros(shooting.segments.size, dtype=np.int64)
+    scales = shooting.noise.innovation
+    powers = [((left.fresh(left.colour()) / s) ** 2).sum(axis=1) for left, s in zip(lefts, scales, strict=True)]
+    return np.array(powers), lefts[0].counts
+
+
 def raised(floor: NoiseModel, noise: NoiseModel) -> NoiseModel:
     """A floor where another noise is louder: that."""
     louder = noise.innovation > floor.innovation
@@ -224,7 +242,12 @@ class _Left:
     @property
     def count(self) -> int:
         """How many values follow two others."""
-        return int(self._usable.sum())
+        return int(self.counts.sum())
+
+    @property
+    def counts(self) -> NDArray[np.int64]:
+        """How many in each segment, ``(S,)``."""
+        return np.asarray(self._usable.sum(axis=1))
 
     def colour(self) -> tuple[float, float]:
         """The likeliest colour."""

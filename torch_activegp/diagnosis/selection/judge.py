@@ -16,7 +16,7 @@ from torch_activegp.diagnosis.selection.free_force import free_force_columns
 from torch_activegp.diagnosis.selection.intervals import is_certain
 from torch_activegp.diagnosis.selection.own_limits import is_own_limit
 from torch_activegp.diagnosis.selection.prospects import MAX_EFFECTS
-from torch_activegp.diagnosis.selection.standing_out import stands_out
+from torch_activegp.diagnosis.selection.standing_out import comes_and_goes, stands_out
 from torch_activegp.diagnosis.selection.ties import as_part, is_one_way, swapped, ties_of, told_apart_by
 from torch_activegp.diagnosis.selection.tuning import is_a_tuning
 from torch_activegp.diagnosis.shooting.elimination import eliminate, scaled
@@ -62,6 +62,8 @@ VISIBLE_IN_COLOUR = 1.5
 VISIBLE_UNSEEN = 5.0
 """The same for recordings below 67 Hz: whether an encoder filters its noise cannot be seen there, and behind a filter
 of one pole at 0.7 fourth differences show a fifth of the variance."""
+VISIBLE_SOMEWHERE = 0.1
+"""The same where it comes and goes, as noise does not."""
 SLOW = 1 / 30
 VISIBLE_WHEN_SLOW = 12.0
 """The same for recordings below 30 Hz, as from video: their differences hardly show slow errors of the recorder."""
@@ -199,10 +201,16 @@ def judge(shooting: Shooting, selection: Selection) -> Judgement:
 
 def _nameless(shooting: Shooting, fit: Fit, left: Omnibus, rivals: _Compared) -> Judgement:
     """Without a name: a mismatch that nothing explains, or none."""
-    somewhere = left.p_value < SURE and stands_out(shooting, fit, least_visible(shooting))
-    unknown = somewhere or _visible(shooting, fit, left)
+    unknown = _visible(shooting, fit, left) or (left.p_value < SURE and _is_somewhere(shooting, fit, left))
     verdict, share = ("unknown", 1.0) if unknown else ("none", 0.0)
     return Judgement(verdict, fit, (), (), (), (), (), share, not unknown, left.p_value, rivals)
+
+
+def _is_somewhere(shooting: Shooting, fit: Fit, left: Omnibus) -> bool:
+    """Whether a mismatch is in some places alone, which noise of any level and colour is not."""
+    if stands_out(shooting, fit, least_visible(shooting)):
+        return True
+    return left.excess > VISIBLE_SOMEWHERE * shooting.dof and comes_and_goes(shooting, fit)
 
 
 def _visible(shooting: Shooting, fit: Fit, left: Omnibus) -> bool:
