@@ -39,7 +39,7 @@ _PLANES = ((0, 1), (0, 2), (1, 2))
 _SPACE = (0, 1, 2)
 _APART = 1e-3
 """From so far on, m, a point is another one than the centre of mass."""
-_AXES = ((0,), (1,), (2,), *_PLANES)
+_AXES = ((0,), (1,), (2,), *_PLANES, _SPACE)
 _LISTED: tuple[type[Effect], ...] = (
     *JOINT_EFFECTS,
     *BACKLASH,

@@ -48,7 +48,7 @@ class ArmatureError(JointEffect):
 
 
 class CenterOfMassOffset(BodyEffect):
-    """The centre of mass lies elsewhere along one or two axes of the body's frame."""
+    """The centre of mass lies elsewhere along one axis of the body's frame, or several."""
 
     name = "center_of_mass_offset"
     law = "the body's centre of mass moves along its axes"

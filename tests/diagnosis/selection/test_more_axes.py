@@ -56,6 +56,17 @@ def test_a_vector_is_tried_along_one_more_axis_where_that_is_worth_its_price(pri
         np.testing.assert_allclose(atom.values, [4.0 * size, 20.0 * size])  # x, then z
 
 
+@pytest.mark.parametrize(("gradient", "axes"), [(16.0, "xyz"), (4.0, "xz")])
+def test_axes_are_added_one_by_one_while_each_is_worth_it(gradient: float, axes: str) -> None:
+    """The mass of a wrist lay off along three: along two of them, two loads stood for the third."""
+    test = screened("zxy", np.diag([1.0, 4.0, 4.0]), np.array([20.0, 18.0, gradient]))  # the last gains 64 or 4
+    forms = [GravityError.along(0, 1), GravityError.along(0, 2), GravityError.along(1, 2), GravityError.along(0, 1, 2)]
+    ((atom,),) = in_more_axes([[test.atoms[0]]], test, forms, lambda gain, _: gain, 20.0)
+    assert atom.effect.variant == axes
+    values = {"x": 4.5, "y": gradient / 4.0, "z": 20.0}
+    np.testing.assert_allclose(atom.values / test.atoms[0].seed[0], [values[axis] for axis in axes])
+
+
 def test_what_is_no_vector_stays_as_it_is(bench) -> None:
     effect = bench.effect("viscous_friction")
     atom = Atom(effect, np.ones(1), 1.0, slice(0, 1), effect.seeds[0])
@@ -93,6 +104,19 @@ def test_a_vector_is_tried_without_the_components_that_may_be_none(bench, known,
     assert [values[1].tolist() for _, values in found] == [[1.0 if axis == "x" else 2.0] for axis in left]
     unknown = dataclasses.replace(fit, information=np.zeros((0, 0))), dataclasses.replace(fit, at_rest=True)
     assert [in_fewer_axes(some, [both, *singles]) for some in unknown] == [[], []]
+
+
+def test_a_vector_along_three_axes_is_tried_without_any_of_them(bench) -> None:
+    every, forms = GravityError.along(0, 1, 2), [GravityError.along(0, 1), GravityError.along(0, 2)]
+    fit = dataclasses.replace(
+        bench.fit("viscous_friction", 0.05),
+        effects=(every,),
+        values=(np.array([1.0, 0.2, 0.1]),),
+        information=np.diag([100.0, 100.0, 100.0]),
+    )
+    found = in_fewer_axes(fit, [every, *forms])
+    assert [effects for effects, _ in found] == [(forms[1],), (forms[0],)]
+    np.testing.assert_array_equal([values[0] for _, values in found], [[1.0, 0.1], [1.0, 0.2]])
 
 
 def test_a_centre_of_mass_on_its_axis_ties_with_the_inertia_that_it_adds() -> None:

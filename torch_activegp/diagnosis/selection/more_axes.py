@@ -14,6 +14,8 @@ from torch_activegp.diagnosis.shooting.fit import Fit
 from torch_activegp.physics.effect import Effect
 
 Worth = Callable[[float, Sequence[Effect]], float]
+_Grown = list[tuple[Effect, tuple[Atom, ...]]]
+"""Effects, each with its atoms along single axes."""
 _NOTHING = 9.0
 """Chi2 that a component which may be none takes away where all else follows: three standard errors."""
 
@@ -21,7 +23,7 @@ _NOTHING = 9.0
 def in_more_axes(
     sets: Iterable[Sequence[Atom]], screened: Screen, effects: Sequence[Effect], worth: Worth, least: float
 ) -> list[Sequence[Atom]]:
-    """Some sets with a vector in them along one more axis, where that is worth more to first order.
+    """Some sets with a vector in them along more axes, one by one, where each is worth more to first order.
 
     Forms along several axes are not screened, and come in place of a single one in the best set alone. The centre of
     mass of a shank that had moved along two axes, beside a lag, was never looked at: behind a payload and a bias in its
@@ -36,18 +38,45 @@ def in_more_axes(
     """
     single = {(atom.effect.key, atom.effect.variant): atom for atom in screened.best() if atom.effect.vector}
     found: dict[frozenset[Effect], Sequence[Atom]] = {}  # two single axes may make the same
+
+    def worth_of(grown: _Grown) -> float:
+        return worth(screened.joint_gain([atom for _, axes in grown for atom in axes]), [effect for effect, _ in grown])
+
     for company in sets:
-        best, larger = worth(screened.joint_gain(company), [atom.effect for atom in company]) + least, None
-        for number, form, other in _forms(company, single, effects):
-            gain, values = screened.together([*company, other])
-            along = {company[number].effect.variant: values[number], other.effect.variant: values[-1]}
-            atoms = [dataclasses.replace(a, values=v) for a, v in zip(company, values[:-1], strict=True)]
-            atoms[number] = dataclasses.replace(atoms[number], effect=form, values=_in_order(form, along))
-            if (now := worth(gain, [atom.effect for atom in atoms])) > best:
-                best, larger = now, atoms
-        if larger is not None:
-            found.setdefault(frozenset(atom.effect for atom in larger), larger)
+        grown: _Grown = [(atom.effect, (atom,)) for atom in company]
+        best, more = worth_of(grown), False
+        while ways := [(worth_of(some), some) for some in _in_one_more(grown, single, effects)]:
+            now, some = max(ways, key=lambda way: way[0])
+            if now <= best + least:
+                break
+            best, grown, more = now, some, True
+        if more:
+            found.setdefault(frozenset(effect for effect, _ in grown), _joined(grown, screened))
     return [*found.values()]
+
+
+def _in_one_more(
+    grown: _Grown, single: Mapping[tuple[tuple[str, str], str], Atom], effects: Sequence[Effect]
+) -> Iterator[_Grown]:
+    """Some effects with one of them, a vector, along one more axis, in each way."""
+    for number, (effect, axes) in enumerate(grown):
+        if not effect.vector:
+            continue
+        for form in (form for form in effects if form.key == effect.key and set(effect.variant) < set(form.variant)):
+            more = "".join(axis for axis in form.variant if axis not in effect.variant)
+            if (form.key, more) in single:
+                yield [*grown[:number], (form, (*axes, single[form.key, more])), *grown[number + 1 :]]
+
+
+def _joined(grown: _Grown, screened: Screen) -> list[Atom]:
+    """One atom for each effect, with the values along all its axes in their order."""
+    _, values = screened.together([atom for _, axes in grown for atom in axes])
+    rest, out = iter(values), []
+    for effect, axes in grown:
+        own = {atom.effect.variant: next(rest) for atom in axes}
+        value = np.concatenate([own[axis] for axis in effect.variant]) if len(axes) > 1 else own[axes[0].effect.variant]
+        out.append(dataclasses.replace(axes[0], effect=effect, values=value))
+    return out
 
 
 def in_fewer_axes(fit: Fit, effects: Sequence[Effect]) -> list[Set]:
@@ -82,20 +111,3 @@ def _alone(information: Array, number: int) -> float:
     order = [*(i for i in range(len(information)) if i != number), number]
     left, _ = without(len(order) - 1, information[np.ix_(order, order)], np.zeros(len(order)))
     return float(left[0, 0])
-
-
-def _forms(
-    company: Sequence[Atom], single: Mapping[tuple[tuple[str, str], str], Atom], effects: Sequence[Effect]
-) -> Iterator[tuple[int, Effect, Atom]]:
-    """Which of some atoms may take which form, and the single atom along the axis that this has beyond it."""
-    for number, effect in ((i, atom.effect) for i, atom in enumerate(company) if atom.effect.vector):
-        for form in (form for form in effects if form.key == effect.key and set(effect.variant) < set(form.variant)):
-            more = "".join(axis for axis in form.variant if axis not in effect.variant)
-            if (form.key, more) in single:
-                yield number, form, single[form.key, more]
-
-
-def _in_order(form: Effect, along: dict[str, np.ndarray]) -> np.ndarray:
-    """Components of a vector in the order of a form's axes."""
-    each = {axis: value for axes, values in along.items() for axis, value in zip(axes, values, strict=True)}
-    return np.array([each[axis] for axis in form.variant])
