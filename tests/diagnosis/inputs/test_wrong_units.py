@@ -7,6 +7,7 @@ import mujoco
 import numpy as np
 import pytest
 
+from tests.diagnosis.cone import cone
 from torch_activegp.data import Recording
 from torch_activegp.diagnosis.inputs.machine import make_machine
 from torch_activegp.diagnosis.inputs.wrong_units import check_units, forces_of, motion_of
@@ -107,3 +108,13 @@ def test_what_is_fast_in_a_control_does_not_seem_to_be_lacking() -> None:
     assert motion.control.std() < 0.6 * control.std()
     lacking, there = forces_of(sled, machine.channels, motion, np.ones(1))
     assert lacking[0] < 0.2 * there[0]
+
+
+def test_what_is_fast_in_a_motion_does_not_seem_to_be_lacking_either() -> None:
+    machine = cone(3100.0)
+    motion = motion_of(machine.fit)
+    assert motion is not None
+    swing = machine.fit[0].smooth.std()
+    assert motion.position.std() < 0.1 * swing
+    lacking, _ = forces_of(machine.model, machine.channels, motion, np.ones(1))
+    assert lacking[0] < 0.01 * 3100.0 * swing

@@ -42,6 +42,13 @@ def test_states_that_move_nothing_take_nothing_away() -> None:
     np.testing.assert_array_equal(more.states(np.ones(3), reach)[:, [0, 2]], 0.0)
 
 
+def test_states_that_cannot_be_told_apart_share_what_is_left() -> None:
+    """Where a simulation flies apart, one shows as the other does, by so much that no reach tells them apart."""
+    design = np.full((1, 4, 2), 2.0**44)
+    shift = eliminate(design, np.zeros((1, 4, 0)), np.full((1, 4), 2.0**40)).states(np.zeros(0), np.full(2, 1.0))
+    np.testing.assert_allclose(shift, [[2.0**-5, 2.0**-5]], rtol=1e-6)
+
+
 def test_a_state_that_hardly_shows_moves_no_farther_than_its_reach() -> None:
     design = np.zeros((1, 6, 2))
     design[0, :, 0], design[0, 5, 1] = 1.0, 1e-3

@@ -6,6 +6,8 @@ import mujoco
 import numpy as np
 import pytest
 
+from tests.diagnosis.cone import cone
+from torch_activegp.diagnosis.inputs.segments import cut
 from torch_activegp.diagnosis.simulation.calm import CalmEngine, SmoothEngine
 from torch_activegp.diagnosis.simulation.candidate import NOMINAL
 from torch_activegp.diagnosis.simulation.engine import Engine
@@ -155,3 +157,21 @@ def test_runge_kutta_takes_as_few_steps_as_do_the_same(clean, integrator: str, j
         exact = Engine(made.fine.model, fine.channels, 10, 1)
         where = clean.segments, clean.nominal.starts[None], [NOMINAL]
         assert np.abs(fine.predict(*where) - exact.predict(*where)).max() < 0.01 * clean.noise
+
+
+@pytest.mark.parametrize(("stiffness", "stride"), [(3.0, 5), (30.0, 2), (3100.0, 1)])
+def test_cheap_forms_take_no_longer_steps_than_what_is_stiff_bears(stiffness: float, stride: int) -> None:
+    """Semi-implicit Euler flies apart where a step is longer than a third of a period: at 5 ms, from 70 Hz on."""
+    machine = cone(stiffness)
+    made = Forms.of(machine, 1)
+    segments = cut(machine.fit, 0.25, 0.0)
+    starts = made.given.starts(segments)[None]
+    own = made.given.predict(segments, starts, [NOMINAL])
+    for form in (made.coarse, made.late):
+        assert form is not None
+        assert form.stride == stride
+        assert np.abs(form.predict(segments, starts, [NOMINAL]) - own).max() < 0.3 * np.abs(own).max()
+
+
+def test_a_model_with_long_steps_has_cheap_forms_in_shorter_ones() -> None:
+    assert Forms.of(cone(3.0, step=0.01, rate=50), 1).coarse.substeps == 2

@@ -37,7 +37,8 @@ _SLIPS = {True: {"deg": 180 / np.pi}, False: {"mm": 1e3, "cm": 1e2}}
 class Motion:
     """Rows of all runs: positions, velocities, accelerations ``(T, C)``, controls ``(T, nu)``, forces ``(T, nv)``.
 
-    Controls and forces are averaged as the accelerations are, or what is fast in them would seem to be lacking.
+    All are averaged as the accelerations are, or what is fast in them would seem to be lacking: the pull of a spring on
+    which a loudspeaker's cone swings at 31 Hz would, at 133 times its mean force.
     """
 
     position: Array
@@ -157,17 +158,22 @@ def motion_of(runs: Sequence[Run]) -> Motion | None:
         window = max(2 * round(0.5 * _WINDOW / dt) + 1, DEGREE + 2)
         if window >= len(run) // 2:
             continue
-        inputs = np.concatenate([run.control, run.force], axis=1)
-        given = np.concatenate([0.0 * inputs[:1], np.cumsum(inputs * np.diff(run.time)[:, None], axis=0)])
-        acceleration, inputs = (_slopes(run.time, columns, window) for columns in (run.velocity, given))
         rows = np.unique(np.linspace(window, len(run) - 1 - window, _ROWS).astype(int))
-        control, force = np.split(inputs[rows], [run.control.shape[1]], axis=1)
-        parts.append([run.smooth[rows], run.velocity[rows], acceleration[rows], control, force])
+        where = 0.5 * (run.smooth[1:] + run.smooth[:-1])
+        means = [_slopes(run.time, _summed(run, columns), window) for columns in (where, run.control, run.force)]
+        velocity, acceleration = (_slopes(run.time, columns, window) for columns in (run.smooth, run.velocity))
+        position, control, force = means
+        parts.append([columns[rows] for columns in (position, velocity, acceleration, control, force)])
         seen.append((acceleration[rows] ** 2).mean(axis=0))
         noise.append(720.0 * run.noise**2 / (window**5 * dt**4))  # of a parabola fitted to the window
     if not parts or (np.mean(seen, axis=0) < _LOUD**2 * np.mean(noise, axis=0)).any():
         return None
     return Motion(*(np.concatenate(columns) for columns in zip(*parts, strict=True)))
+
+
+def _summed(run: Run, columns: Array) -> Array:
+    """The integral over time of what holds between rows ``(T - 1, n)``: ``(T, n)``."""
+    return np.concatenate([0.0 * columns[:1], np.cumsum(columns * run.dt[:, None], axis=0)])
 
 
 def _slopes(time: Array, columns: Array, window: int) -> Array:

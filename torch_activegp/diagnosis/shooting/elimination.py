@@ -78,7 +78,11 @@ class Eliminated:
         normal = self.triangle.transpose(0, 2, 1) @ self.triangle
         size = np.diagonal(normal, axis1=1, axis2=2) * np.broadcast_to(damping, len(normal))[:, None]
         normal = normal + (size + 1.0 / reach**2)[:, :, None] * np.eye(len(reach))
-        return np.linalg.solve(normal, np.einsum("sij,si->sj", self.triangle, right)[..., None])[..., 0]
+        wanted = np.einsum("sij,si->sj", self.triangle, right)[..., None]
+        try:
+            return np.linalg.solve(normal, wanted)[..., 0]
+        except np.linalg.LinAlgError:  # a simulation that flies apart, to which all states are the same
+            return (np.linalg.pinv(np.nan_to_num(normal), hermitian=True) @ np.nan_to_num(wanted))[..., 0]
 
 
 def scaled(normal: Array) -> tuple[Array, Array]:

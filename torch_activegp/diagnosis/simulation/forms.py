@@ -22,7 +22,9 @@ from torch_activegp.diagnosis.simulation.prescribed_motion import RUNGE_KUTTA
 from torch_activegp.diagnosis.simulation.touching import TOUCHING, is_tied, poses_that_touch
 from torch_activegp.physics.friction import sticking
 
-_STEP = 0.005
+_LONGEST = (0.005, 0.0025, 0.00125)
+_PIECE, _ABOUT = 0.25, 0.1
+"""Seconds, and a part of the motion, in which and by which cheap forms may be off."""
 _STIFF_STEP = 0.001
 _EFFECT_STEP, _HELD_STEP = 0.0005, 0.00125
 """An effect that is a force is held in each time step: a stop or a play that acts for milliseconds wants short ones,
@@ -101,11 +103,12 @@ class Forms:
         """Makes them for a machine."""
         model, step = machine.model, median_step(machine.fit)
         make: Make = functools.partial(Engine, channels=machine.channels, nthread=nthread)
-        few, plain, tied = _steps(step, _STEP), substeps_for(model, machine.fit), is_tied(model)
+        plain, tied = substeps_for(model, machine.fit), is_tied(model)
         part = float(poses_that_touch(model, machine.channels, (*machine.fit, *machine.holdout))[1].mean())
         stiff, free = tied or part > TOUCHING, part == 0.0
-        stride = 1 if stiff else max(int(_STEP / step + 1e-6), 1)
         given = make(model, substeps=plain)
+        longest = _bearable(given, make, machine.fit)
+        few, stride = _steps(step, longest), 1 if stiff else max(int(longest / step + 1e-6), 1)
         often = max(few, plain)
         seldom = _steps(step, _STIFF_STEP) if stiff else few
         striking: Make = make  # what strikes something now and then takes long steps where nothing touches
@@ -169,6 +172,25 @@ class Forms:
     def sticks(self, engine: Engine) -> bool:
         """Whether the joints' own dry friction sticks firmly in one of the forms."""
         return not np.array_equal(engine.model.dof_solref, self.given.model.dof_solref)
+
+
+def _bearable(given: Engine, make: Make, runs: Sequence[Run]) -> float:
+    """The longest time step, s, of cheap forms that do about what the model does in a fourth of a second.
+
+    In longer ones what is stiff flies apart: a loudspeaker's cone, which swings at 70 Hz, did at 5 ms.
+    """
+    step, own = median_step(runs), given.model.opt.timestep
+    pieces = cut(runs, _PIECE, 0.0)
+    pieces = pieces.pick(pieces.spread(_COMPARED))
+    starts = given.starts(pieces)[None]
+    told, moves = given.predict(pieces, starts, [NOMINAL]), np.std(pieces.position[pieces.counts], axis=0)
+    for longest in (some for some in _LONGEST if some > own and np.isfinite(told).all()):
+        steps, stride = min(_steps(step, longest), given.substeps), max(int(longest / step + 1e-6), 1)
+        cheap = make(given.model, substeps=steps, integrator=_cheap(given.model), stride=stride)
+        apart = cheap.predict(pieces, starts, [NOMINAL]) - told
+        if np.isfinite(apart).all() and (np.sqrt(np.mean(apart**2, axis=(0, 1, 2))) < _ABOUT * moves).all():
+            return longest
+    return min(own, _LONGEST[0]) if np.isfinite(told).all() else _LONGEST[0]
 
 
 def _in_long_steps(plain: Engine, model: mujoco.MjModel, machine: Machine, nthread: int) -> Engine:
