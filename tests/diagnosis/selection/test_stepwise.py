@@ -21,8 +21,8 @@ class Steps:
         wide = dataclasses.replace(bench.nominal, chi2=3.0 * bench.shooting.dof)
         self.nominal = wide
         self.selection = Selection(wide, [wide], Score(bench.shooting.samples, 60, 1.0), cut_short=cut_short)
-        self.add("h")
-        self.add("vch" if "vch" in left else "h")
+        for letters in {"h" if "h" in left else "vch", "vch" if "vch" in left else "h"}:
+            self.add(letters)
 
     def fit(self, letters: str) -> Fit:
         effects = tuple(self.bench.effect(next(n for n in NAMES if n[0] == letter)) for letter in letters)
@@ -39,9 +39,9 @@ class Steps:
         for more in (each for each in self.left if len(each) == len(letters) + 1 and set(letters) < set(each)):
             self.add(more)
 
-    def go(self, done: tuple[str, ...] = (), least: int = 1, most: int = 9) -> bool:
+    def go(self, done: tuple[str, ...] = (), least: int = 1, most: int = 9, singles: bool = True) -> bool:
         for letters in self.left:
-            if len(letters) == 1:
+            if singles and len(letters) == 1:
                 self.add(letters)
         self.selection.developed |= {frozenset(self.fit(letters).effects) for letters in done}
 
@@ -59,6 +59,14 @@ def test_each_name_comes_on_top_of_the_best_so_far(bench) -> None:
     assert steps.go()
     assert steps.seen == ["v", "vc", "vcq"]
     assert [effect.name[0] for effect in steps.selection.best.effects] == ["v", "c", "q"]
+
+
+@pytest.mark.parametrize(("done", "first"), [((), ["", "v"]), (("",), [])])
+def test_without_single_names_they_are_fitted_first(bench, done, first) -> None:
+    """Where a search began from three that came from less of the data."""
+    steps = Steps(bench, {"": 1.0} | {key: left for key, left in TRUE.items() if key != "h"})
+    assert steps.go(done=done, singles=False) is bool(first)
+    assert steps.seen[:2] == first
 
 
 def test_what_was_developed_is_not_again(bench) -> None:

@@ -22,7 +22,9 @@ def one_by_one(
 
     Far from the machine, names that help each other to first order may lead astray: of dry and viscous friction and a
     cogging, on a pendulum, a hysteresis, two frictions and a centre of mass came first and left 1.22 of the noise. What
-    comes on top of a single name is seen from where that leads.
+    comes on top of a single name is seen from where that leads. Where a search began from several names that were found
+    on less of the data, single ones are fitted first: a push, a load and an encoder's gain that left 1.49 stood for a
+    rotor and a bias, of which the bias alone left 2.0 in brief pieces, and was not looked at again.
 
     Args:
         selection: where a set leaves noise alone, all leave nearly all, or it was cut short, nothing is done.
@@ -38,6 +40,9 @@ def one_by_one(
     few = selection.cut_short or selection.score.names_in(before.effects) < least
     if few or before.chi2 < NOISE_ALONE * shooting.dof or hopeless(selection, shooting):
         return False
+    bare = selection.nominal
+    if _next(selection, None) is None and frozenset() not in selection.developed and may_go_on(bare):
+        develop(bare)
     while (found := _next(selection, found)) is not None and selection.score.names_in(found.effects) < MAX_EFFECTS:
         if frozenset(found.effects) in selection.developed:
             continue
