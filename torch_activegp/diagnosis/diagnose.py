@@ -100,7 +100,7 @@ def diagnose(
     recordings, holdout = check_given(recordings, "diagnose"), check_given(holdout or (), "diagnose")
     source = read_source(model)
     machine = make_machine(source.model, recordings, holdout, source.box)
-    machine = thinned(as_the_machine_moved(machine, nthread))
+    machine = thinned(as_the_machine_moved(machine, nthread), nthread)
     for note in machine.notes:
         _logger.warning("%s", note)
     tried = effects_for(machine.model, machine.channels, machine.fit, effects)

@@ -7,8 +7,9 @@ import numpy as np
 import pytest
 from scipy import signal
 
+from torch_activegp.diagnosis.inputs.steep_filter import SteepFilter
 from torch_activegp.diagnosis.noise.floor import hides_filters, noise_floor, steep_filters
-from torch_activegp.diagnosis.noise.shelf import Shelf, shelf, shelf_behind
+from torch_activegp.diagnosis.noise.shelf import shelf, shelf_behind
 
 RATE, LOUD = 250.0, 7e-4
 
@@ -99,15 +100,15 @@ def test_motion_is_behind_no_filter_of_another_joint(window: int) -> None:
         for order, corner in itertools.product(
             [(2, 1), (3, 1), (4, 1), (1, 2), (2, 2), (4, 2)], [0.04, 0.06, 0.1, 0.2]
         ):
-            assert shelf_behind(*seen, Shelf(corner, LOUD, order)) is None
+            assert shelf_behind(*seen, SteepFilter(corner, LOUD, order)) is None
 
 
 def test_a_filter_is_known_again_where_it_was_seen_a_little_off() -> None:
     seen = spectrum(swift()[0])
-    assert shelf_behind(*seen, Shelf(18.0 / RATE, LOUD, (2, 2))) is not None
-    assert shelf_behind(*seen, Shelf(0.9 * 18.0 / RATE, LOUD, (2, 2))) is not None
-    assert shelf_behind(*seen, Shelf(0.5 * 18.0 / RATE, LOUD, (2, 2))) is None
-    assert shelf_behind(*seen, Shelf(18.0 / RATE, 1e-3 * LOUD, (2, 2))) is None  # a thousand times as loud
+    assert shelf_behind(*seen, SteepFilter(18.0 / RATE, LOUD, (2, 2))) is not None
+    assert shelf_behind(*seen, SteepFilter(0.9 * 18.0 / RATE, LOUD, (2, 2))) is not None
+    assert shelf_behind(*seen, SteepFilter(0.5 * 18.0 / RATE, LOUD, (2, 2))) is None
+    assert shelf_behind(*seen, SteepFilter(18.0 / RATE, 1e-3 * LOUD, (2, 2))) is None  # a thousand times as loud
 
 
 @pytest.mark.parametrize("corner", [18.0, 25.0, 37.0])

@@ -11,8 +11,9 @@ from torch_activegp.diagnosis import diagnose
 from torch_activegp.diagnosis.inputs.machine import make_machine
 from torch_activegp.diagnosis.inputs.runs import Channels, make_run
 from torch_activegp.diagnosis.inputs.segments import cut
+from torch_activegp.diagnosis.inputs.steep_filter import SteepFilter
 from torch_activegp.diagnosis.noise import floor
-from torch_activegp.diagnosis.noise.shelf import Shelf
+from torch_activegp.diagnosis.noise.floor import noise_floor
 from torch_activegp.diagnosis.preparation import filtered_rows
 from torch_activegp.diagnosis.preparation.filtered_rows import thinned
 from torch_activegp.diagnosis.simulation.candidate import NOMINAL
@@ -66,10 +67,29 @@ def test_rows_of_a_slower_recording_are_as_far_apart(model) -> None:
         assert np.diff(run.time[run.counted]) == pytest.approx(4 / RATE, abs=1e-9)
 
 
-def test_what_no_steep_filter_passed_stays_as_it_is(clean, monkeypatch) -> None:
-    assert thinned(clean.machine) is clean.machine
-    monkeypatch.setattr(filtered_rows, "steep_filters", lambda runs: [Shelf(0.4, 1e-3)])
-    assert thinned(clean.machine) is clean.machine  # each row says something new
+def test_what_no_steep_filter_passed_stays_as_it_is(clean) -> None:
+    found = thinned(clean.machine)
+    assert found.notes == clean.machine.notes
+    assert [run.filters for run in found.fit] == [(None,)] * len(clean.machine.fit)
+    assert all(run.left_out is None for run in found.fit)
+
+
+def test_behind_a_quick_filter_each_row_says_something_new(clean, monkeypatch) -> None:
+    quick = SteepFilter(0.4, 1e-3)
+    monkeypatch.setattr(filtered_rows, "steep_filters", lambda runs: [quick])
+    found = thinned(clean.machine)
+    assert found.notes[-1].startswith("qpos.hip: filtered at about 40 Hz")
+    assert "counts" not in found.notes[-1]
+    assert all(run.left_out is None for run in found.fit)
+    assert noise_floor(found.fit).scale == quick.scale
+
+
+def test_a_filter_that_shows_in_what_is_left_counts_too(clean, monkeypatch) -> None:
+    slow = SteepFilter(0.1, 1e-3)
+    monkeypatch.setattr(filtered_rows, "filters_left", lambda machine, nthread: [slow])
+    found = thinned(clean.machine)
+    assert [run.filters for run in found.fit] == [(slow,)] * len(found.fit)
+    assert "one row in 50 ms" in found.notes[-1]
 
 
 @pytest.mark.parametrize("counts", [True, False])
@@ -78,5 +98,6 @@ def test_filtered_positions_of_the_model_itself_are_no_mismatch(model, monkeypat
     if not counts:
         for module in (filtered_rows, floor):
             monkeypatch.setattr(module, "steep_filters", lambda runs: [None])
+        monkeypatch.setattr(filtered_rows, "filters_left", lambda machine, nthread: [None])
     found = diagnose(model, recordings(model, 30.0), nthread=1)
     assert (found.verdict == "none") == counts

@@ -14,6 +14,7 @@ from torch_activegp.data import Recording, noise_std, unwrap_angles
 from torch_activegp.diagnosis.inputs.coupling import coupling
 from torch_activegp.diagnosis.inputs.glitches import bridged, glitches, in_words
 from torch_activegp.diagnosis.inputs.smoothing import follow, smooth
+from torch_activegp.diagnosis.inputs.steep_filter import SteepFilter
 from torch_activegp.errors import DataError
 
 Array = NDArray[np.float64]
@@ -102,6 +103,7 @@ class Run:
         video: whether the errors of the positions last, as those of a video do.
         left_out: which recorded rows count for nothing: glitches, what a filter made; ``(K + 1,)``; None where none.
         notes: which of its rows were left out, in words.
+        filters: what each channel is behind; None where that was not looked for.
     """
 
     label: str
@@ -118,6 +120,7 @@ class Run:
     video: bool = False
     left_out: NDArray[np.bool_] | None = None
     notes: tuple[str, ...] = ()
+    filters: tuple[SteepFilter | None, ...] | None = None
 
     @property
     def dt(self) -> Array:
@@ -289,12 +292,3 @@ def _filled(time: Array, clock: float | None) -> tuple[NDArray[np.bool_], Array]
 
 def _interpolate(clock: Array, time: Array, values: Array) -> Array:
     return np.stack([np.interp(clock, time, column) for column in values.T], axis=1)
-
-
-def smoothed(runs: Sequence[Run], channels: Channels, address: int) -> Array | None:
-    """Smoothed positions at an address in whole runs, the last one held, ``(R, T)``; None where nothing is recorded."""
-    where = np.flatnonzero(channels.qpos == address)
-    if not len(where):
-        return None
-    length = max(len(run) for run in runs)
-    return np.stack([np.pad(run.smooth[:, where[0]], (0, length - len(run)), mode="edge") for run in runs])

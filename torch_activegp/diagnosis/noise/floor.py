@@ -10,6 +10,7 @@ import numpy as np
 from scipy import signal
 
 from torch_activegp.diagnosis.inputs.runs import Array, Run, median_step
+from torch_activegp.diagnosis.inputs.steep_filter import SteepFilter
 from torch_activegp.diagnosis.noise.model import (
     NoiseModel,
     colour_family,
@@ -18,7 +19,7 @@ from torch_activegp.diagnosis.noise.model import (
     spectrum,
 )
 from torch_activegp.diagnosis.noise.periods import noise_from_periods
-from torch_activegp.diagnosis.noise.shelf import LOWEST, Shelf, shelf, shelf_behind
+from torch_activegp.diagnosis.noise.shelf import LOWEST, shelf, shelf_behind
 
 _WINDOW = 128
 _BIN = 1.0
@@ -88,12 +89,14 @@ def moves_quickly(runs: Sequence[Run], channel: int) -> bool:
     return band is not None and band.moves
 
 
-def steep_filters(runs: Sequence[Run]) -> list[Shelf | None]:
+def steep_filters(runs: Sequence[Run]) -> list[SteepFilter | None]:
     """For each channel the filter that took so much from the end of the spectrum that what is left looks like motion.
 
     Where the motion hides that the noise is level, those of other joints are tried, for joints are filtered alike; and
-    where each is hidden, that which the joints show together.
+    where each is hidden, that which the joints show together. Those of the runs where they were looked for already.
     """
+    if runs[0].filters is not None:
+        return [*runs[0].filters]
     channels = range(runs[0].position.shape[1])
     wanted = [c for c in channels if _may_be_steep(runs, c)]
     own = {c: _steep(runs, c, partial(shelf, lowest=LOWEST * median_step(runs))) for c in wanted}
@@ -101,7 +104,7 @@ def steep_filters(runs: Sequence[Run]) -> list[Shelf | None]:
     return [own[c] or _behind_another(runs, c, known) if c in own else None for c in channels]
 
 
-def _behind_another(runs: Sequence[Run], channel: int, known: Sequence[Shelf]) -> Shelf | None:
+def _behind_another(runs: Sequence[Run], channel: int, known: Sequence[SteepFilter]) -> SteepFilter | None:
     """The first of some filters that a channel is behind, in all runs or in one."""
     found = (
         _steep(some, channel, partial(shelf_behind, known=one))
@@ -111,7 +114,7 @@ def _behind_another(runs: Sequence[Run], channel: int, known: Sequence[Shelf]) -
     return next((one for one in found if one is not None), None)
 
 
-def _together(runs: Sequence[Run], channels: Sequence[int]) -> list[Shelf]:
+def _together(runs: Sequence[Run], channels: Sequence[int]) -> list[SteepFilter]:
     """The filters that the joints of single runs show together, least noise first; none of fewer than three joints.
 
     Motion up to the corner leaves few level bins, which scatter in a run of five seconds; and runs move by different
@@ -140,7 +143,7 @@ def _may_be_steep(runs: Sequence[Run], channel: int) -> bool:
     return _lowest(runs) <= _NARROW and (band is None or band.moves)
 
 
-def _steep(runs: Sequence[Run], channel: int, seek: Callable[[Array, Array], Shelf | None]) -> Shelf | None:
+def _steep(runs: Sequence[Run], channel: int, seek: Callable[[Array, Array], SteepFilter | None]) -> SteepFilter | None:
     """What is found in the spectrum of a channel, in bins as narrow as the runs allow first."""
     step = median_step(runs)
     fine = _WINDOW * 2 ** max(round(np.log2(_BIN**-1 / (_WINDOW * step))), 0)

@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 import itertools
-from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from torch_activegp.diagnosis.inputs.runs import Array
+from torch_activegp.diagnosis.inputs.steep_filter import SteepFilter
 
 _ORDERS = ((2, 1), (3, 1), (4, 1), (1, 2), (2, 2), (3, 2), (4, 2))
 """Orders of Butterworth filters, and how often they are run: twice where forth and back."""
@@ -38,26 +39,7 @@ _ABOVE_REST = 10.0
 """Times what is left at the end of the spectrum (rounding, leaks of the window) up to which a bin says nothing."""
 
 
-class Shelf(NamedTuple):
-    """A spectrum that is level up to a corner.
-
-    Args:
-        corner: of the filter, in parts of the sampling rate.
-        scale: standard deviation of the noise, rad or m.
-        order: of the filter, and how often it was run.
-    """
-
-    corner: float
-    scale: float
-    order: tuple[int, int] = (2, 1)
-
-    @property
-    def rows(self) -> int:
-        """Rows from one value to the next that is new: the noise in between follows from those around."""
-        return max(int(0.5 / self.corner), 1)
-
-
-def shelf(frequency: Array, power: Array, lowest: float = 0.0) -> Shelf | None:
+def shelf(frequency: Array, power: Array, lowest: float = 0.0, deepest: float = np.inf) -> SteepFilter | None:
     """The level of noise that a Butterworth filter of any order has passed, forth or forth and back.
 
     Positions that were filtered after they were recorded have noise that differences hardly see, and that falls more
@@ -69,17 +51,19 @@ def shelf(frequency: Array, power: Array, lowest: float = 0.0) -> Shelf | None:
         frequency: of some bins, in parts of the sampling rate, rising, ``(F,)``.
         power: one-sided density at unit sampling rate, ``(F,)``.
         lowest: corner that is sought, in parts of the sampling rate.
+        deepest: decades below the level that are looked at; in short windows what is less leaks from bins near by.
 
     Returns:
         The shelf that goes on down to the lowest frequency; None where there is none, or none that is seen: at least
         five bins must be level below 0.7 of its corner.
     """
-    end = _told(power)
+    end = _told(power) if np.isinf(deepest) else len(power)
     filters = [*itertools.product(_ORDERS, _CORNERS[_CORNERS >= lowest])]
     passed = np.array([np.log10(_passed(frequency[:end], *one)) for one in filters])
     for first in range(max(end - 2 * _LEVEL, 0)):
-        f, p = frequency[first:end], np.log10(power[first:end])
-        apart = p - passed[:, first:]
+        p = np.log10(power[first:end])
+        p = p[: _before(p < np.median(p[:_LEVEL]) - deepest)]
+        f, apart = frequency[first : first + len(p)], p - passed[:, first : first + len(p)]
         misfits = apart.std(axis=1)
         best = int(np.argmin(misfits))
         order, corner = filters[best]
@@ -89,7 +73,7 @@ def shelf(frequency: Array, power: Array, lowest: float = 0.0) -> Shelf | None:
     return None
 
 
-def shelf_behind(frequency: Array, power: Array, known: Shelf) -> Shelf | None:
+def shelf_behind(frequency: Array, power: Array, known: SteepFilter) -> SteepFilter | None:
     """The level of noise behind a filter that is known, from a sibling's channel, where motion hides that it is level.
 
     A joint that moves up to the corner of its filter leaves nothing level to see it by. Joints are filtered alike; if
@@ -123,14 +107,18 @@ def shelf_behind(frequency: Array, power: Array, known: Shelf) -> Shelf | None:
 
 def _told(power: Array) -> int:
     """Bins before the first that says nothing."""
-    told = power > _ABOVE_REST * power[-_LEVEL:].mean()
-    return len(told) if told.all() else int(np.argmin(told))
+    return _before(power <= _ABOVE_REST * power[-_LEVEL:].mean())
 
 
-def _shelf(order: tuple[int, int], corner: float, level: float) -> Shelf:
+def _before(ends: NDArray[np.bool_]) -> int:
+    """How many there are before the first that is true."""
+    return int(np.argmax(ends)) if ends.any() else len(ends)
+
+
+def _shelf(order: tuple[int, int], corner: float, level: float) -> SteepFilter:
     """The shelf of a level, as the decimal logarithm of a density."""
     even = np.linspace(0.0, 0.5, 513)[1:-1]
-    return Shelf(corner, float(np.sqrt(0.5 * 10.0**level * np.mean(_passed(even, order, corner)))), order)
+    return SteepFilter(corner, float(np.sqrt(0.5 * 10.0**level * np.mean(_passed(even, order, corner)))), order)
 
 
 def _passed(f: Array, order: tuple[int, int], corner: float) -> Array:

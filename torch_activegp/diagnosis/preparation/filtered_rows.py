@@ -9,9 +9,10 @@ import numpy as np
 from torch_activegp.diagnosis.inputs.machine import Machine
 from torch_activegp.diagnosis.inputs.runs import Run
 from torch_activegp.diagnosis.noise.floor import steep_filters
+from torch_activegp.diagnosis.preparation.filters_left import filters_left
 
 
-def thinned(machine: Machine) -> Machine:
+def thinned(machine: Machine, nthread: int = 0) -> Machine:
     """A machine of whose rows only as many count as a filter has left new values, with a note on that.
 
     The noise behind a steep filter is white in rows that are half a period of its corner apart, and follows from these
@@ -21,21 +22,22 @@ def thinned(machine: Machine) -> Machine:
 
     Args:
         machine: model and runs.
+        nthread: threads of the simulations; 0 for all cores.
     """
     found = steep_filters(machine.fit)
-    shelves = {f"qpos.{joint}": s for joint, s in zip(machine.channels.joints, found, strict=True) if s is not None}
-    rows = max((one.rows for one in shelves.values()), default=1)
-    if rows < 2:
-        return machine
-    period = float(np.median(machine.fit[0].dt))
-    corner = min(one.corner for one in shelves.values()) / period
-    note = (
-        f"{', '.join(shelves)}: filtered at about {corner:.2g} Hz, as the spectrum shows. What is faster is not seen "
-        f"there, and of all joints one row in {1e3 * rows * period:.3g} ms counts, for noise is new in these. "
-        "Unfiltered, they tell more."
-    )
-    fit = tuple(_apart(run, rows * period) for run in machine.fit)
-    return dataclasses.replace(machine, fit=fit, notes=(*machine.notes, note))
+    if None in found:
+        found = [one or left for one, left in zip(found, filters_left(machine, nthread), strict=True)]
+    known = {f"qpos.{joint}": one for joint, one in zip(machine.channels.joints, found, strict=True) if one is not None}
+    fit = [dataclasses.replace(run, filters=tuple(found)) for run in machine.fit]
+    if not known:
+        return dataclasses.replace(machine, fit=tuple(fit))
+    rows, period = max(one.rows for one in known.values()), float(np.median(machine.fit[0].dt))
+    corner = min(one.corner for one in known.values()) / period
+    note = f"{', '.join(known)}: filtered at about {corner:.2g} Hz, by the spectrum. What is faster is not seen there"
+    if rows > 1:
+        fit = [_apart(run, rows * period) for run in fit]
+        note += f", and of all joints one row in {1e3 * rows * period:.3g} ms counts, for noise is new in these"
+    return dataclasses.replace(machine, fit=tuple(fit), notes=(*machine.notes, f"{note}. Unfiltered, they tell more."))
 
 
 def _apart(run: Run, seconds: float) -> Run:

@@ -68,14 +68,12 @@ def longest(machine: Machine, forms: Forms, noise: NoiseModel, too_far: float, k
         too_far: chi2 per degree of freedom.
         known: what another bar gave, with the same noise.
     """
-    segments = uncut(machine)
     if known is None:
-        cheap = [forms.coarse, *([forms.late] if forms.late is not None else [])]
-        fits = [(_nominal(Shooting(one, segments, noise), forms.stiff), one) for one in cheap]
-        best, form = min(fits, key=lambda pair: pair[0].chi2)
+        shooting, whole = followed(machine, forms, noise)
+        segments, form = shooting.segments, shooting.engine
     else:
-        best, form = known.uncut, known.form
-    whole = best
+        segments, whole, form = uncut(machine), known.uncut, known.form
+    best = whole
     shortest = _SHORTEST_TOUCHING if forms.stiff else _SHORTEST
     while True:
         bad = _stands_out(best, segments, too_far) | (_growth(best, segments, noise, machine.model.nq) > _GROWTH)
@@ -84,6 +82,21 @@ def longest(machine: Machine, forms: Forms, noise: NoiseModel, too_far: float, k
         if shorter.size == segments.size:
             return Lengths(segments, best, whole, form)
         best, segments = _nominal(Shooting(form, shorter, noise), forms.stiff, (segments, best)), shorter
+
+
+def followed(machine: Machine, forms: Forms, noise: NoiseModel) -> tuple[Shooting, Fit]:
+    """The likelihood over segments of which none was halved, by the cheap form that follows them better; and its fit.
+
+    Args:
+        machine: model and runs.
+        forms: of the model.
+        noise: of the recordings.
+    """
+    cheap = [forms.coarse, *([forms.late] if forms.late is not None else [])]
+    found = [Shooting(form, uncut(machine), noise) for form in cheap]
+    fits = [_nominal(shooting, forms.stiff) for shooting in found]
+    best = min(range(len(fits)), key=lambda number: fits[number].chi2)
+    return found[best], fits[best]
 
 
 def nominal_in_brief(machine: Machine, forms: Forms, noise: NoiseModel) -> Lengths | None:

@@ -9,13 +9,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from torch_activegp.diagnosis.inputs.blackbox import BlackBox
-from torch_activegp.diagnosis.inputs.runs import Array, Channels, smoothed
+from torch_activegp.diagnosis.inputs.runs import Array, Channels
 from torch_activegp.diagnosis.inputs.segments import Segments
 from torch_activegp.diagnosis.simulation.candidate import Candidate, grouped
 from torch_activegp.diagnosis.simulation.controls import Controls, added
 from torch_activegp.diagnosis.simulation.engine import Act, Engine, before_steps
 from torch_activegp.diagnosis.simulation.force_gp import Remainder
 from torch_activegp.diagnosis.simulation.hermite import position_between, velocity_between
+from torch_activegp.diagnosis.simulation.memories import smoothed
 from torch_activegp.errors import ConfigurationError
 from torch_activegp.physics.effect import Index, Step
 from torch_activegp.physics.friction import AsymmetricCoulomb, CoulombFriction, StribeckFriction

@@ -8,7 +8,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from torch_activegp.diagnosis.inputs.runs import Array, Channels, Run, smoothed
+from torch_activegp.diagnosis.inputs.runs import Array, Channels, Run
 from torch_activegp.diagnosis.inputs.segments import Segments
 from torch_activegp.diagnosis.simulation.controls import Controls
 from torch_activegp.physics.effect import Effect, Index
@@ -70,3 +70,12 @@ class Memories:
                 return told
             self._asked, self._told = asked, told
         return self._told.copy()  # simulations go on in it
+
+
+def smoothed(runs: Sequence[Run], channels: Channels, address: int) -> Array | None:
+    """Smoothed positions at an address in whole runs, the last one held, ``(R, T)``; None where nothing is recorded."""
+    where = np.flatnonzero(channels.qpos == address)
+    if not len(where):
+        return None
+    length = max(len(run) for run in runs)
+    return np.stack([np.pad(run.smooth[:, where[0]], (0, length - len(run)), mode="edge") for run in runs])

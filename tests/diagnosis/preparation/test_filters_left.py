@@ -1,0 +1,79 @@
+from __future__ import annotations
+
+import dataclasses
+
+import numpy as np
+import pytest
+from scipy import signal
+
+from torch_activegp.data import Recording
+from torch_activegp.diagnosis.inputs.machine import make_machine
+from torch_activegp.diagnosis.inputs.runs import Channels, make_run
+from torch_activegp.diagnosis.inputs.segments import cut
+from torch_activegp.diagnosis.noise.floor import steep_filters
+from torch_activegp.diagnosis.noise.shelf import LOWEST
+from torch_activegp.diagnosis.preparation import filters_left as module
+from torch_activegp.diagnosis.preparation.filters_left import filters_left, is_smooth
+from torch_activegp.diagnosis.simulation.candidate import NOMINAL
+from torch_activegp.diagnosis.simulation.engine import Engine
+
+NOISE, RATE, CORNER = 2e-3, 50, 14.0
+
+
+def machine(model, corner: float | None, push: float = 0.0, rows: int = 401):
+    """Runs of the model at 50 Hz, with a push that it does not know, and positions filtered forth and back."""
+    found = []
+    for seed in range(5):
+        rng, time = np.random.default_rng(seed), np.arange(rows) / RATE
+        control = 2.0 * np.sin(2 * np.pi * rng.uniform(0.3, 1.0, 3) * time[:, None]).sum(axis=1)
+        columns = {"time": time, "qpos.hip": 0.1 * time, "ctrl.drive": control + push}
+        whole = Recording.from_columns("run", columns)
+        run = make_run(whole, model, channels := Channels.of(model, [whole]))
+        path = Engine(model, channels, 4).predict(cut([run], 1e9, 0.0), np.zeros((1, 1, 2)), [NOMINAL])[0, 0, :, 0]
+        seen = path + NOISE * rng.normal(size=rows)
+        if corner is not None:
+            seen = signal.filtfilt(*signal.butter(3, corner, fs=RATE), seen)
+        found.append(Recording.from_columns(f"run{seed}", columns | {"qpos.hip": seen, "ctrl.drive": control}))
+    return make_machine(model, found, [])
+
+
+@pytest.mark.parametrize("push", [0.0, 1.0])
+def test_a_filter_is_seen_in_what_a_nominal_leaves_that_misses_something(model, push: float) -> None:
+    """Recordings at 50 Hz have no band above the motion."""
+    made = machine(model, CORNER, push)
+    assert steep_filters(made.fit) == [None]
+    (found,) = filters_left(made, 1)
+    assert found is not None
+    assert found.corner == pytest.approx(CORNER / RATE, rel=0.15)
+    assert found.scale == pytest.approx(NOISE * np.sqrt(2.0 * CORNER / RATE), rel=0.2)
+
+
+def test_white_noise_and_few_or_short_segments_show_none(model, monkeypatch) -> None:
+    white = machine(model, None, push=1.0)
+    assert not is_smooth(white.fit, 0)
+    assert filters_left(white, 1) == [None]
+    made = machine(model, CORNER)
+    assert filters_left(dataclasses.replace(made, fit=made.fit[:1]), 1) == [None]
+    monkeypatch.setattr(module, "_ROWS", 60)
+    assert filters_left(made, 1) == [None]
+
+
+def test_videos_and_uneven_clocks_are_not_asked(model) -> None:
+    made = machine(model, CORNER)
+    assert is_smooth(made.fit, 0)
+    assert not is_smooth([dataclasses.replace(run, video=True) for run in made.fit], 0)
+    jitter = 0.002 * np.random.default_rng(0).uniform(size=len(made.fit[0]))
+    assert not is_smooth([dataclasses.replace(run, time=run.time + jitter) for run in made.fit], 0)
+    assert not is_smooth([dataclasses.replace(run, position=0.0 * run.position) for run in made.fit], 0)
+
+
+@pytest.mark.parametrize(("share", "louder", "seen"), [(0.0, 0.1, True), (1.0, 0.1, False), (1.0, 10.0, True)])
+def test_a_part_of_a_motion_that_ends_somewhere_is_no_filter(share: float, louder: float, seen: bool) -> None:
+    """What a loop makes of noise is coherent with it, but less."""
+    rng, rows = np.random.default_rng(0), 128
+    sections = signal.butter(4, 0.2, fs=1.0, output="sos")
+    own, other = (signal.sosfiltfilt(sections, rng.normal(size=(40, 3 * rows)))[:, rows:-rows] for _ in range(2))
+    rest, counts = louder * (share * own + (1.0 - share) * other), np.ones((40, rows), dtype=bool)
+    spectra = (module._spectra(some, counts, rows) for some in (rest, own))
+    found = module._filter(*spectra, np.fft.rfftfreq(rows)[module._INNER], LOWEST / 250)
+    assert (found is not None) is seen
