@@ -161,3 +161,14 @@ def test_a_joint_that_rests_hides_no_filter_of_the_others(make_plain_run, rests:
 @pytest.mark.parametrize("noise", [LOUD, 1e-8])
 def test_joints_without_a_filter_show_none_together(make_plain_run, noise: float) -> None:
     assert steep_filters(short(make_plain_run, 7, behind=False, noise=noise)) == [None] * 7
+
+
+def test_where_the_lowest_bins_are_quiet_little_is_left_to_see_a_filter_by() -> None:
+    frequency = np.linspace(0.02, 0.5, 60)
+    behind = (1.0 + (np.tan(0.999 * np.pi * frequency) / np.tan(np.pi * 0.2)) ** 6) ** -1
+    assert shelf(frequency, behind, 0.0, 2.5) is not None
+    quiet = behind.copy()
+    quiet[0] = 1e-6
+    assert shelf(frequency, quiet, 0.0, 2.5) is not None  # from the second bin on
+    quiet[::4] = 1e-6
+    assert shelf(frequency, quiet, 0.0, 2.5) is None

@@ -10,9 +10,10 @@ from torch_activegp.data import Recording
 from torch_activegp.diagnosis.inputs.machine import make_machine
 from torch_activegp.diagnosis.inputs.runs import Channels, make_run
 from torch_activegp.diagnosis.inputs.segments import cut
-from torch_activegp.diagnosis.noise.floor import steep_filters
+from torch_activegp.diagnosis.noise.floor import noise_floor, steep_filters
 from torch_activegp.diagnosis.noise.shelf import LOWEST
 from torch_activegp.diagnosis.preparation import filters_left as module
+from torch_activegp.diagnosis.preparation.filtered_rows import thinned
 from torch_activegp.diagnosis.preparation.filters_left import filters_left, is_smooth
 from torch_activegp.diagnosis.simulation.candidate import NOMINAL
 from torch_activegp.diagnosis.simulation.engine import Engine
@@ -56,6 +57,23 @@ def test_white_noise_and_few_or_short_segments_show_none(model, monkeypatch) -> 
     assert filters_left(dataclasses.replace(made, fit=made.fit[:1]), 1) == [None]
     monkeypatch.setattr(module, "_ROWS", 60)
     assert filters_left(made, 1) == [None]
+
+
+@pytest.mark.parametrize(("missing", "seen"), [(2, True), (30, False)])
+def test_segments_with_missing_rows_say_nothing(model, missing: int, seen: bool) -> None:
+    made = machine(model, CORNER)
+    lost = np.isin(np.arange(401), np.linspace(10, 390, missing).astype(int))
+    runs = tuple(dataclasses.replace(run, left_out=lost) for run in made.fit)
+    (found,) = filters_left(dataclasses.replace(made, fit=runs), 1)
+    assert (found is not None) is seen
+
+
+def test_rows_count_as_the_filter_that_is_left_says(model) -> None:
+    made = machine(model, CORNER)
+    found = thinned(made, 1)
+    assert found.notes[-1].startswith(("qpos.hip: filtered at about 14 Hz", "qpos.hip: filtered at about 15 Hz"))
+    assert noise_floor(found.fit).scale == pytest.approx(NOISE * np.sqrt(2.0 * CORNER / RATE), rel=0.2)
+    assert noise_floor(made.fit).scale < 0.5 * noise_floor(found.fit).scale
 
 
 def test_videos_and_uneven_clocks_are_not_asked(model) -> None:

@@ -273,7 +273,7 @@ def test_noise_is_as_loud_in_every_segment(clean, pole: float) -> None:
     power, counts = by_segment(shooting, fit)
     assert power.shape == (1, shooting.segments.size)
     level = 4.0 * (1.0 - pole**2)
-    np.testing.assert_allclose(power[0] / counts, level, rtol=6.0 * np.sqrt(2.0 / counts.min()))
+    np.testing.assert_allclose(power[0] / counts, level, rtol=4.0 * np.sqrt(2.0 / counts.min()))
     assert power.sum() / counts.sum() == pytest.approx(level, rel=0.2)
     louder = shooting.segments.position.copy()
     rng = np.random.default_rng(1)

@@ -25,7 +25,7 @@ def damped(bench):
 
 def test_without_a_fit_near_by_all_is_moved_once(damped, bench) -> None:
     by, starts = damped[0](), bench.nominal.starts
-    assert not by.all_lent(FLAT)
+    assert not by.take_lent(FLAT)
     candidates, states = by.ask(FLAT, starts, held=False)
     assert len(candidates) == len(states) == 1 + len(bench.shooting.state_columns(starts)) + 1
     white = bench.shooting.residuals_from(states, candidates)
@@ -41,12 +41,12 @@ def test_what_a_fit_lends_needs_no_simulation(damped, bench) -> None:
     make, near = damped
     by = make(near)
     assert by.stale
-    assert by.all_lent(FLAT)
+    assert by.take_lent(FLAT)
     assert by.age == 1
     np.testing.assert_array_equal(by.design, near.design)
     np.testing.assert_array_equal(by.columns, near.columns_of(near.effects, near.values)[0][..., None])
     assert len(by.ask(FLAT, bench.nominal.starts, held=False)[0]) == 1
-    assert not by.all_lent(FLAT)  # once
+    assert not by.take_lent(FLAT)  # once
 
 
 def test_held_parameters_are_not_moved(damped, bench) -> None:
@@ -67,7 +67,7 @@ def test_held_parameters_are_not_moved(damped, bench) -> None:
 def test_what_led_astray_is_taken_anew(damped, bench, states) -> None:
     make, near = damped
     by = make(near)
-    by.all_lent(FLAT)
+    by.take_lent(FLAT)
     by.lent = True
     by.forget(states=states)
     assert by.lent
@@ -82,7 +82,7 @@ def test_what_led_astray_is_taken_anew(damped, bench, states) -> None:
 def test_a_step_promises_what_is_left_along_what_is_seen(damped, bench) -> None:
     make, near = damped
     by = make(near)
-    by.all_lent(FLAT)
+    by.take_lent(FLAT)
     by.linearise(0.5 * by.columns[..., 0])
     normal, gradient = by.linear.normal.sum(0), by.linear.gradient.sum(0)
     np.testing.assert_allclose(np.linalg.solve(normal, gradient), 0.5)
@@ -93,4 +93,4 @@ def test_another_fit_lends_its_own(damped, bench) -> None:
     by = make()
     by.lend(near, FLAT)
     assert by.design is near.design
-    assert by.all_lent(FLAT)
+    assert by.take_lent(FLAT)

@@ -49,6 +49,17 @@ def test_states_that_cannot_be_told_apart_share_what_is_left() -> None:
     np.testing.assert_allclose(shift, [[2.0**-5, 2.0**-5]], rtol=1e-6)
 
 
+def test_other_segments_move_as_they_would_beside_one_that_cannot_be_solved() -> None:
+    rng, reach = np.random.default_rng(0), np.full(2, 1e12)
+    design, residual = rng.normal(size=(2, 4, 2)), rng.normal(size=(2, 4))
+    design[0, :, 1] = 1e-9 * design[0, :, 1]
+    alone = eliminate(design[:1], np.zeros((1, 4, 0)), residual[:1]).states(np.zeros(0), reach)
+    design[1] = 2.0**44
+    both = eliminate(design, np.zeros((2, 4, 0)), residual).states(np.zeros(0), reach)
+    np.testing.assert_allclose(both[0], alone[0])
+    assert np.isfinite(both).all()
+
+
 def test_a_state_that_hardly_shows_moves_no_farther_than_its_reach() -> None:
     design = np.zeros((1, 6, 2))
     design[0, :, 0], design[0, 5, 1] = 1.0, 1e-3

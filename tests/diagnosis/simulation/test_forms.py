@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 from tests.diagnosis.cone import cone
+from tests.diagnosis.ram import ram
 from torch_activegp.diagnosis.inputs.segments import cut
 from torch_activegp.diagnosis.simulation.calm import CalmEngine, SmoothEngine
 from torch_activegp.diagnosis.simulation.candidate import NOMINAL
@@ -173,5 +174,14 @@ def test_cheap_forms_take_no_longer_steps_than_what_is_stiff_bears(stiffness: fl
         assert np.abs(form.predict(segments, starts, [NOMINAL]) - own).max() < 0.3 * np.abs(own).max()
 
 
-def test_a_model_with_long_steps_has_cheap_forms_in_shorter_ones() -> None:
-    assert Forms.of(cone(3.0, step=0.01, rate=50), 1).coarse.substeps == 2
+def test_a_model_with_long_steps_competes_with_shorter_ones_all_the_same() -> None:
+    made = Forms.of(cone(3.0, step=0.01, rate=50), 1)
+    assert (made.given.substeps, made.coarse.substeps) == (2, 2)
+    assert (made.fine.substeps, made.middle.substeps) == (4, 4)
+
+
+def test_what_strikes_by_accident_takes_long_steps() -> None:
+    """The ram meets its wall in less than one of a hundred poses."""
+    made = Forms.of(ram(0.001, 0.01, 1e-4, 800), 1)
+    assert not made.stiff
+    assert made.coarse.substeps == 2

@@ -103,7 +103,7 @@ class Run:
         video: whether the errors of the positions last, as those of a video do.
         left_out: which recorded rows count for nothing: glitches, what a filter made; ``(K + 1,)``; None where none.
         notes: which of its rows were left out, in words.
-        filters: what each channel is behind; None where that was not looked for.
+        filters: what each channel is behind, ``(C,)``; None where that was not looked for.
     """
 
     label: str

@@ -37,8 +37,8 @@ _SLIPS = {True: {"deg": 180 / np.pi}, False: {"mm": 1e3, "cm": 1e2}}
 class Motion:
     """Rows of all runs: positions, velocities, accelerations ``(T, C)``, controls ``(T, nu)``, forces ``(T, nv)``.
 
-    All are averaged as the accelerations are, or what is fast in them would seem to be lacking: the pull of a spring on
-    which a loudspeaker's cone swings at 31 Hz would, at 133 times its mean force.
+    All are averaged as the accelerations are, or what is fast in them would seem to be lacking: 133 times the mean
+    force of a loudspeaker's coil, for the pull of the spring on which its cone swings at 31 Hz.
     """
 
     position: Array

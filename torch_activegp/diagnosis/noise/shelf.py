@@ -63,6 +63,8 @@ def shelf(frequency: Array, power: Array, lowest: float = 0.0, deepest: float = 
     for first in range(max(end - 2 * _LEVEL, 0)):
         p = np.log10(power[first:end])
         p = p[: _before(p < np.median(p[:_LEVEL]) - deepest)]
+        if len(p) < 2 * _LEVEL:
+            continue
         f, apart = frequency[first : first + len(p)], p - passed[:, first : first + len(p)]
         misfits = apart.std(axis=1)
         best = int(np.argmin(misfits))

@@ -16,9 +16,9 @@ def thinned(machine: Machine, nthread: int = 0) -> Machine:
     """A machine of whose rows only as many count as a filter has left new values, with a note on that.
 
     The noise behind a steep filter is white in rows that are half a period of its corner apart, and follows from these
-    in between. No noise of one or two poles is like it. A row counts for all joints or for none; so the filter with the
-    lowest corner tells which, and the noise of all of them is taken for white in these. What fits leave is not asked
-    for another noise then. Held-out runs stay as they are.
+    in between; behind a quick one every row counts. No noise of one or two poles is like it. A row counts for all
+    joints or for none; so the filter with the lowest corner tells which, and the noise of all of them is taken for
+    white in these. What fits leave is not asked for another noise then. Held-out runs stay as they are.
 
     Args:
         machine: model and runs.

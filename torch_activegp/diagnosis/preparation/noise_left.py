@@ -133,8 +133,8 @@ def rises(shooting: Shooting, fit: Fit) -> bool:
 def by_segment(shooting: Shooting, fit: Fit) -> tuple[Array, NDArray[np.int64]]:
     """The sum of squares of what is new in each segment, ``(C, S)``, and of how many values, ``(S,)``.
 
-    In units of the noise, behind the likeliest colour of what is left: each is about as large for each value, if that
-    is noise of any.
+    In units of the noise, behind the likeliest colour of what is left. Noise of any level and colour leaves about as
+    much for each value in all segments.
 
     Args:
         shooting: the likelihood.

@@ -70,12 +70,15 @@ def _in_one_more(
 
 def _joined(grown: _Grown, screened: Screen) -> list[Atom]:
     """One atom for each effect, with the values along all its axes in their order."""
-    _, values = screened.together([atom for _, axes in grown for atom in axes])
-    rest, out = iter(values), []
+    _, found = screened.together([atom for _, axes in grown for atom in axes])
+    rest, out = iter(found), []
     for effect, axes in grown:
-        own = {atom.effect.variant: next(rest) for atom in axes}
-        value = np.concatenate([own[axis] for axis in effect.variant]) if len(axes) > 1 else own[axes[0].effect.variant]
-        out.append(dataclasses.replace(axes[0], effect=effect, values=value))
+        values = [next(rest) for _ in axes]
+        if len(axes) > 1:
+            letters = "".join(atom.effect.variant for atom in axes)
+            own = dict(zip(letters, np.concatenate(values), strict=True))
+            values = [np.array([own[axis] for axis in effect.variant])]
+        out.append(dataclasses.replace(axes[0], effect=effect, values=values[0]))
     return out
 
 

@@ -29,7 +29,7 @@ class Derivatives:
         given: those by parameters that are lent, by their places, until they were taken once, ``(S, M)`` each.
         linear: what is left at the best point, linearised by them.
         age: steps that went by them; those that are lent are a step old.
-        stale: whether those by the states were lent.
+        stale: whether those by the states were lent when it began.
         lent: whether a cheap simulation lends what is taken next.
     """
 
@@ -59,7 +59,7 @@ class Derivatives:
         Args:
             flat: parameters, ``(P,)``.
             starts: initial states, ``(S, n)``.
-            held: whether the parameters are.
+            held: whether the parameters are; then nothing is asked for them.
         """
         if self.design is not None and self.columns is not None:
             return [Candidate(self._effects, split(self._effects, flat))], starts[None]
@@ -79,7 +79,7 @@ class Derivatives:
             self.given, self.age = {}, max(self.age, 1)
         return new
 
-    def all_lent(self, flat: Array) -> bool:
+    def take_lent(self, flat: Array) -> bool:
         """Takes those by the parameters ``(P,)`` that are lent, where all are; returns whether they were."""
         if len(self.given) != len(flat) or self.design is None:
             return False

@@ -81,8 +81,16 @@ class Eliminated:
         wanted = np.einsum("sij,si->sj", self.triangle, right)[..., None]
         try:
             return np.linalg.solve(normal, wanted)[..., 0]
-        except np.linalg.LinAlgError:  # a simulation that flies apart, to which all states are the same
-            return (np.linalg.pinv(np.nan_to_num(normal), hermitian=True) @ np.nan_to_num(wanted))[..., 0]
+        except np.linalg.LinAlgError:
+            return np.stack([_solved(*pair) for pair in zip(normal, wanted, strict=True)])[..., 0]
+
+
+def _solved(normal: Array, wanted: Array) -> Array:
+    """The solution of one segment; the shortest where its simulation flies apart and all states show alike."""
+    try:
+        return np.asarray(np.linalg.solve(normal, wanted), dtype=np.float64)
+    except np.linalg.LinAlgError:
+        return np.asarray(np.linalg.pinv(normal, hermitian=True) @ wanted)
 
 
 def scaled(normal: Array) -> tuple[Array, Array]:

@@ -161,7 +161,8 @@ class Problem:
         if self._settling or last:
             return
         self.only, self._brakes = None, Brakes(len(self._trial_starts))
-        self.finished, self.derivatives.columns = False, None
+        self.finished = False
+        self.derivatives.forget(states=self._followers.rescued and better is None)
         self._trust.begin()
         if better is not None:  # a first guess that makes it worse misleads
             below, self._trial = better
@@ -170,9 +171,7 @@ class Problem:
             self.best, self._below, self.resting = None, None, resting(self.effects, self._trial, below)
             return
         self._trial, self._trial_starts = self.best.flat, self.best.starts
-        if self._followers.rescued:
-            self.derivatives.design = None
-        if self.derivatives.all_lent(self._trial):
+        if self.derivatives.take_lent(self._trial):
             self.derivatives.linearise(self._raw)
             self._propose()
 
@@ -213,7 +212,7 @@ class Problem:
         assert self.best is not None
         derivatives, old, old_starts = self.derivatives, self.best.per_segment, self.best.starts
         better = per_segment < old
-        promised = self.derivatives.linear.promise[~better & self._brakes.on].sum()
+        promised = derivatives.linear.promise[~better & self._brakes.on].sum()
         misled = derivatives.stale and promised > _ALONE + 0.1 * _SHARE * self.chi2
         self._raw = np.where(better[:, None], residual, self._raw)
         starts = np.where(better[:, None], self._trial_starts, old_starts)
@@ -228,10 +227,8 @@ class Problem:
         elif not self.finished:
             self._propose()
             shift = self._trial_starts - self.best.starts
-            self.only, self.others = (
-                self._brakes.moving(self.derivatives.linear, shift, self.best.per_segment),
-                self._raw,
-            )
+            self.only = self._brakes.moving(derivatives.linear, shift, self.best.per_segment)
+            self.others = self._raw
             self._trial_starts = np.where(self.only[:, None], self._trial_starts, self.best.starts)
 
     def _worse(self, residual: Array, per_segment: Array, last: bool) -> None:
@@ -286,9 +283,5 @@ class Problem:
         assert best is not None
         whole = by.columns is not None and by.columns.shape[-1] == len(best.flat)
         derivatives = (by.design, by.columns, by.taken) if whole else (by.design,)
-        normal, scores, values = (
-            self.derivatives.linear.normal.sum(0),
-            self.derivatives.linear.gradient,
-            split(self.effects, best.flat),
-        )
+        normal, scores, values = by.linear.normal.sum(0), by.linear.gradient, split(self.effects, best.flat)
         return Fit(self.effects, values, best.starts, best.chi2, best.per_segment, normal, scores, *derivatives)
