@@ -91,7 +91,7 @@ def test_a_part_of_a_motion_that_ends_somewhere_is_no_filter(share: float, loude
     rng, rows = np.random.default_rng(0), 128
     sections = signal.butter(4, 0.2, fs=1.0, output="sos")
     own, other = (signal.sosfiltfilt(sections, rng.normal(size=(40, 3 * rows)))[:, rows:-rows] for _ in range(2))
-    rest, counts = louder * (share * own + (1.0 - share) * other), np.ones((40, rows), dtype=bool)
-    spectra = (module._spectra(some, counts, rows) for some in (rest, own))
+    rest = louder * (share * own + (1.0 - share) * other)
+    spectra = (module._spectra(some) for some in (rest, own))
     found = module._filter(*spectra, np.fft.rfftfreq(rows)[module._INNER], LOWEST / 250)
     assert (found is not None) is seen

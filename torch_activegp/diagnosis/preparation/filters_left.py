@@ -56,12 +56,13 @@ def filters_left(machine: Machine, nthread: int = 0) -> list[SteepFilter | None]
     shooting, fit = followed(machine, numerics_of(machine, nthread), noise_floor(machine.fit))
     predicted, counts = shooting.predicted(fit), shooting.segments.counts
     left, rows = shooting.segments.position - predicted, int(np.median(counts.sum(axis=1)))
-    whole = [some for some in map(np.flatnonzero, counts) if len(some) >= rows and np.ptp(some[:rows]) == rows - 1]
+    pieces = [(number, np.flatnonzero(some)[:rows]) for number, some in enumerate(counts)]
+    whole = [(number, at) for number, at in pieces if len(at) == rows and np.ptp(at) == rows - 1]
     if rows < _ROWS or len(whole) < _SEGMENTS or not np.isfinite(left[counts]).all():
         return found
     frequency, lowest = np.asarray(np.fft.rfftfreq(rows), dtype=np.float64)[_INNER], LOWEST * median_step(machine.fit)
     for channel in smooth:
-        rest, motion = (_spectra(some[..., channel], counts, rows) for some in (left, predicted))
+        rest, motion = (_spectra([some[*piece, channel] for piece in whole]) for some in (left, predicted))
         found[channel] = _filter(rest, motion, frequency, lowest)
     return found
 
@@ -78,11 +79,10 @@ def is_smooth(runs: Sequence[Run], channel: int) -> bool:
     return bool(lower > _SMOOTH * higher > 0.0) and noise_from_periods(runs, channel) is None
 
 
-def _spectra(values: Array, counts: NDArray[np.bool_], rows: int) -> NDArray[np.complex128]:
-    """Spectra ``(n, rows / 2 + 1)`` of values ``(S, K + 1)`` in those segments in which so many rows count."""
-    whole = np.array([each[some][:rows] for each, some in zip(values, counts, strict=True) if some.sum() >= rows])
-    window = signal.windows.blackmanharris(rows, sym=False)
-    return np.fft.rfft(signal.detrend(whole) * window * np.sqrt(2.0 / (window**2).sum()))[:, _INNER]
+def _spectra(pieces: Sequence[Array]) -> NDArray[np.complex128]:
+    """Spectra ``(n, F)`` of n pieces of as many rows."""
+    window = signal.windows.blackmanharris(len(pieces[0]), sym=False)
+    return np.fft.rfft(signal.detrend(pieces) * window * np.sqrt(2.0 / (window**2).sum()))[:, _INNER]
 
 
 def _filter(

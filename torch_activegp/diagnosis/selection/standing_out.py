@@ -41,8 +41,8 @@ def comes_and_goes(shooting: Shooting, fit: Fit) -> bool:
     """Whether what a fit leaves is louder in some segments than in others, as noise is not, where nothing touches.
 
     However loud noise is, and whatever filtered it, it is so always; but for a video's, which is of who marks a frame,
-    and, by less, that of a clock whose rows are late by more or less.
-    That tells a mismatch from it where neither its level nor its colour is known.
+    and, by less, that of a clock whose rows are late by more or less. That tells a mismatch from it where neither its
+    level nor its colour is known.
 
     Args:
         shooting: the likelihood.
