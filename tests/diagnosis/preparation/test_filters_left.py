@@ -10,7 +10,7 @@ from torch_activegp.data import Recording
 from torch_activegp.diagnosis.inputs.machine import make_machine
 from torch_activegp.diagnosis.inputs.runs import Channels, make_run
 from torch_activegp.diagnosis.inputs.segments import cut
-from torch_activegp.diagnosis.noise.floor import noise_floor, steep_filters
+from torch_activegp.diagnosis.noise.floor import INNER, noise_floor, steep_filters
 from torch_activegp.diagnosis.noise.shelf import LOWEST
 from torch_activegp.diagnosis.preparation import filters_left as module
 from torch_activegp.diagnosis.preparation.filtered_rows import thinned
@@ -93,5 +93,5 @@ def test_a_part_of_a_motion_that_ends_somewhere_is_no_filter(share: float, loude
     own, other = (signal.sosfiltfilt(sections, rng.normal(size=(40, 3 * rows)))[:, rows:-rows] for _ in range(2))
     rest = louder * (share * own + (1.0 - share) * other)
     spectra = (module._spectra(some) for some in (rest, own))
-    found = module._filter(*spectra, np.fft.rfftfreq(rows)[module._INNER], LOWEST / 250)
+    found = module._filter(*spectra, np.fft.rfftfreq(rows)[INNER], LOWEST / 250)
     assert (found is not None) is seen

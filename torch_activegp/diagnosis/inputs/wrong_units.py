@@ -160,9 +160,9 @@ def motion_of(runs: Sequence[Run]) -> Motion | None:
             continue
         rows = np.unique(np.linspace(window, len(run) - 1 - window, _ROWS).astype(int))
         where = 0.5 * (run.smooth[1:] + run.smooth[:-1])
-        means = [_slopes(run.time, _summed(run, columns), window) for columns in (where, run.control, run.force)]
+        sums = (_summed(run, columns) for columns in (where, run.control, run.force))
+        position, control, force = (_slopes(run.time, columns, window) for columns in sums)
         velocity, acceleration = (_slopes(run.time, columns, window) for columns in (run.smooth, run.velocity))
-        position, control, force = means
         parts.append([columns[rows] for columns in (position, velocity, acceleration, control, force)])
         seen.append((acceleration[rows] ** 2).mean(axis=0))
         noise.append(720.0 * run.noise**2 / (window**5 * dt**4))  # of a parabola fitted to the window

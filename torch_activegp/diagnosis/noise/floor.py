@@ -22,6 +22,8 @@ from torch_activegp.diagnosis.noise.periods import noise_from_periods
 from torch_activegp.diagnosis.noise.shelf import LOWEST, shelf, shelf_behind
 
 _WINDOW = 128
+INNER = slice(4, -2)
+"""Bins that the window does not smear."""
 _BIN = 1.0
 """Bins of the spectrum in which a steep filter is sought are about so wide, Hz, where the runs are long enough."""
 _LOWEST = 0.125
@@ -79,7 +81,7 @@ def hides_filters(runs: Sequence[Run], channel: int) -> bool:
         return False
     if steep_filters(runs)[channel] is not None:
         return False
-    unseen = _lowest(runs) > _NARROW or all(_uneven(run) or _spectrum(run, channel) is None for run in runs)
+    unseen = _lowest(runs) > _NARROW or all(uneven(run) or _spectrum(run, channel) is None for run in runs)
     return unseen or moves_quickly(runs, channel)
 
 
@@ -262,7 +264,7 @@ def _lowest(runs: Sequence[Run]) -> float:
     return max(_LOWEST, _MOTION * median_step(runs))
 
 
-def _uneven(run: Run) -> bool:
+def uneven(run: Run) -> bool:
     """Whether a run is sampled at uneven times; what is left of its motion hides part of the noise then."""
     return bool(np.ptp(run.dt) > _JITTER * np.median(run.dt))
 
@@ -280,11 +282,10 @@ def _spectrum(run: Run, channel: int, window: int = _WINDOW) -> tuple[Array, Arr
     if run.recorded.mean() < _COMPLETE or len(run) < 2 * window:
         return None
     values = run.position[:, channel]
-    if _uneven(run):  # sampled at uneven times, a motion looks like noise: take it out
+    if uneven(run):  # sampled at uneven times, a motion looks like noise: take it out
         speed = run.velocity[:, channel]
         values = values - np.concatenate([[0.0], np.cumsum(0.5 * (speed[1:] + speed[:-1]) * run.dt)])
     frequency, power = signal.welch(
         values, window="blackmanharris", nperseg=window, detrend=signal.detrend, average="median"
     )
-    inner = slice(4, -2)
-    return frequency[inner], power[inner]
+    return frequency[INNER], power[INNER]

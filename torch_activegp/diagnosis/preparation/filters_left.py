@@ -12,7 +12,7 @@ from scipy.special import comb
 from torch_activegp.diagnosis.inputs.machine import Machine
 from torch_activegp.diagnosis.inputs.runs import Array, Run, median_step
 from torch_activegp.diagnosis.inputs.steep_filter import SteepFilter
-from torch_activegp.diagnosis.noise.floor import noise_floor
+from torch_activegp.diagnosis.noise.floor import INNER, noise_floor, uneven
 from torch_activegp.diagnosis.noise.periods import noise_from_periods
 from torch_activegp.diagnosis.noise.shelf import LOWEST, shelf
 from torch_activegp.diagnosis.preparation.given_numerics import numerics_of
@@ -21,13 +21,10 @@ from torch_activegp.diagnosis.preparation.lengths import followed
 _ORDERS, _SMOOTH = np.array([4, 8]), 1.5
 """Behind a filter of the fourth order or more, differences of the higher order saw 2.4 to 9 times less, and 1.0 to 1.2
 times less in white noise and behind one pole."""
-_JITTER = 0.02
 _DEEPEST = 2.5
 """Decades below the level of the noise that segments as short as these tell."""
 _SEGMENTS, _ROWS = 8, 40
 """Fewer segments that are whole, or shorter ones, say too little."""
-_INNER = slice(4, -2)
-"""Bins that the window does not smear."""
 _COHERENT = 0.5
 """Coherence with a louder motion from which on a rest is a part of that and no noise: of a chirp, whose spectrum is
 level up to where it ends, an encoder's gain that is off leaves a part. What a loop makes of noise is coherent, but
@@ -60,7 +57,7 @@ def filters_left(machine: Machine, nthread: int = 0) -> list[SteepFilter | None]
     whole = [(number, at) for number, at in pieces if len(at) == rows and np.ptp(at) == rows - 1]
     if rows < _ROWS or len(whole) < _SEGMENTS or not np.isfinite(left[counts]).all():
         return found
-    frequency, lowest = np.asarray(np.fft.rfftfreq(rows), dtype=np.float64)[_INNER], LOWEST * median_step(machine.fit)
+    frequency, lowest = np.asarray(np.fft.rfftfreq(rows), dtype=np.float64)[INNER], LOWEST * median_step(machine.fit)
     for channel in smooth:
         rest, motion = (_spectra([some[*piece, channel] for piece in whole]) for some in (left, predicted))
         found[channel] = _filter(rest, motion, frequency, lowest)
@@ -72,7 +69,7 @@ def is_smooth(runs: Sequence[Run], channel: int) -> bool:
 
     Not asked of videos, of uneven clocks, and where the excitation repeats.
     """
-    if any(run.video or np.ptp(run.dt) > _JITTER * np.median(run.dt) for run in runs):
+    if any(run.video or uneven(run) for run in runs):
         return False
     sizes = [[np.median(np.abs(np.diff(run.position[:, channel], order))) for order in _ORDERS] for run in runs]
     lower, higher = np.median(sizes, axis=0) / np.sqrt(comb(2 * _ORDERS, _ORDERS))
@@ -82,7 +79,7 @@ def is_smooth(runs: Sequence[Run], channel: int) -> bool:
 def _spectra(pieces: Sequence[Array]) -> NDArray[np.complex128]:
     """Spectra ``(n, F)`` of n pieces of as many rows."""
     window = signal.windows.blackmanharris(len(pieces[0]), sym=False)
-    return np.fft.rfft(signal.detrend(pieces) * window * np.sqrt(2.0 / (window**2).sum()))[:, _INNER]
+    return np.fft.rfft(signal.detrend(pieces) * window * np.sqrt(2.0 / (window**2).sum()))[:, INNER]
 
 
 def _filter(

@@ -93,10 +93,9 @@ def followed(machine: Machine, forms: Forms, noise: NoiseModel) -> tuple[Shootin
         noise: of the recordings.
     """
     cheap = [forms.coarse, *([forms.late] if forms.late is not None else [])]
-    found = [Shooting(form, uncut(machine), noise) for form in cheap]
-    fits = [_nominal(shooting, forms.stiff) for shooting in found]
-    best = min(range(len(fits)), key=lambda number: fits[number].chi2)
-    return found[best], fits[best]
+    segments = uncut(machine)
+    found = [Shooting(form, segments, noise) for form in cheap]
+    return min(((one, _nominal(one, forms.stiff)) for one in found), key=lambda pair: pair[1].chi2)
 
 
 def nominal_in_brief(machine: Machine, forms: Forms, noise: NoiseModel) -> Lengths | None:
