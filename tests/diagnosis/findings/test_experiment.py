@@ -11,6 +11,7 @@ import pytest
 from torch_activegp.diagnosis.findings.experiment import (
     SECONDS,
     _beyond,
+    _chosen,
     _limits,
     _multisine,
     _reach,
@@ -131,8 +132,20 @@ def test_trials_that_stay_near_go_before_those_that_tell_more(bench, rivals, mon
     assert entry["predicted_gain"] <= most
     monkeypatch.setattr("torch_activegp.diagnosis.findings.experiment._NEAR", -0.5)
     away = next_experiment(*arguments)[0]
-    assert away["predicted_gain"] == pytest.approx(most)
-    assert away["why"].startswith("Simulate them first: none were found that tell and keep the machine near; hip ")
+    assert away["predicted_gain"] < most
+    assert "started. Simulate them first: none were found that tell and keep the machine near; hip " in away["why"]
+
+
+@pytest.mark.parametrize(
+    ("apart", "astray", "chosen"),
+    [
+        ([9.0, 5.0, 30.0], [0.0, 0.0, 0.1], 0),  # of those that stay near the one that tells most
+        ([9.0, 3.0, 30.0], [0.2, 0.0, 0.1], 2),  # what stays near tells nothing: the nearest that tells
+        ([1.0, 3.0, 2.0], [0.2, 0.0, 0.1], 1),
+    ],
+)
+def test_of_trials_that_leave_what_was_seen_the_nearest_that_tells_is_chosen(apart, astray, chosen) -> None:
+    assert _chosen(np.array(apart), np.array(astray)) == chosen
 
 
 def test_near_is_half_the_range_seen_beyond_its_ends_and_within_the_limits(bench) -> None:

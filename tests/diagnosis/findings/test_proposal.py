@@ -99,6 +99,8 @@ def test_a_number_that_has_no_name_is_told_by_its_effect(bench) -> None:
     assert "cogging at joint:hip, whose standard errors these controls would bring to about 50 %" in telling.sentence(
         48
     )
+    where = "cogging at joint:hip at"
+    assert telling.separates == [f"{where} one end of its interval", f"{where} the other end of its interval"]
 
 
 def test_other_parameters_follow_the_least_certain_one(bench, wet) -> None:

@@ -18,7 +18,8 @@ from torch_activegp.diagnosis.simulation.engine import Engine
 SECONDS = 5.0
 _TRIALS, _REPLAYED = 16, 8
 _BESIDE = 0.3
-"""Part of a multisine that is added to the recorded control: what drifts away under any other stays nearer so."""
+"""Largest part of a multisine that is added to the recorded control: what drifts away under any other stays nearer so,
+the nearer the less is added."""
 _NEAR = 0.5
 _LEAST = 4.0
 """Models that differ by less chi2 than this are not told apart by one more recording."""
@@ -49,7 +50,7 @@ def next_experiment(
 
     Some of them are added to the control of the first recording. Controls stay within those seen and within the
     actuators' limits, around their mean. Those under which both models stay near the positions seen go before all
-    others.
+    others; where none does, those that tell and leave them least are chosen.
 
     This is the acquisition of the exploring loop with the rivals' predicted difference in place of the discrepancy.
 
@@ -76,7 +77,8 @@ def next_experiment(
     time: Array = step * np.arange(rows, dtype=float)
     trials = [_multisine(rng, time, low, middle, high) for _ in range(_TRIALS)]
     before = _replayed(runs[0], rows - 1, middle)
-    aside = [_BESIDE * (_multisine(rng, time, low, middle, high) - middle) for _ in range(_REPLAYED)]
+    parts = np.linspace(_BESIDE, 0.0, _REPLAYED, endpoint=False)
+    aside = [part * (_multisine(rng, time, low, middle, high) - middle) for part in parts]
     trials += [np.clip(before + more, low, high) for more in aside]
     start = engine.starts(cut([runs[0]], 1e9, 0.0))[0]
     joints = len(engine.channels.joints)
@@ -100,25 +102,38 @@ def next_experiment(
     states = np.repeat(states, 2, axis=0)
     reach = _reach(engine, runs)
     apart, away = _apart(cheap or engine, segments, states, both, noise, reach)
-    tells = (away <= 0.0).all(axis=1) & (apart >= _LEAST)
-    best = int(np.argmax(apart * tells if tells.any() else apart))
+    best = _chosen(apart, (away / np.maximum(np.ptp(reach, axis=0), np.finfo(float).tiny)).max(axis=1))
     gains, away = _apart(engine, segments.pick(np.array([best])), states[:, [best]], both, noise, reach)
     if gains[0] < _LEAST:
         return None
     told = telling or _names(rivals[0], rivals[1])
     seen, caution = "of controls and near the positions seen", ""
     if (away[0] > 0.0).any():
-        seen, caution = "of controls", f"Simulate them first: {_leaving(engine, away[0])}. "
+        seen, caution = "of controls", f". Simulate them first: {_leaving(engine, away[0])}"
     entry = {
         "separates": told.separates,
         "why": (
-            f"{caution}{told.sentence(float(gains[0]))} ({SECONDS:g} s, within the limits seen {seen}); "
-            f"start where {runs[0].label} started."
+            f"{told.sentence(float(gains[0]))} ({SECONDS:g} s, within the limits seen {seen}); "
+            f"start where {runs[0].label} started{caution}."
         ),
         "controls": "next.csv",
         "predicted_gain": float(gains[0]),
     }
     return entry, _csv(engine, time, trials[best])
+
+
+def _chosen(apart: Array, astray: Array) -> int:
+    """The trial that tells most of those that stay near; where none of these tells, the one of all that leaves least.
+
+    Args:
+        apart: chi2 by which two models differ, ``(S,)``.
+        astray: how far the machine leaves what is near, in parts of that range, ``(S,)``.
+    """
+    tells = apart >= _LEAST
+    if not tells.any():
+        return int(np.argmax(apart))
+    near = tells & (astray <= 0.0)
+    return int(np.argmax(np.where(near, apart, 0.0)) if near.any() else np.argmin(np.where(tells, astray, np.inf)))
 
 
 def _replayed(run: Run, rows: int, rest: Array) -> Array:

@@ -87,7 +87,8 @@ def least_certain(fit: Fit, covariance: Array, before: str = _SETTLED) -> tuple[
     ends = [np.clip(flat + side * moved, low, high) for side in (-1.0, 1.0)]
     effect, parameter = [(e, p) for e in fit.effects for p in e.parameters][place]
     known = parameter.name in effect.describe(fit.by_effect[effect])  # the sine of a cogging is no name for its users
-    what = f"{parameter.name if known else 'part'} of {effect.name} at {effect.target}"
+    where = f"{effect.name} at {effect.target}"
+    what = f"{parameter.name} of {where}"
     unit = "" if parameter.unit == "1" else f" {parameter.unit}".rstrip()
     before = f"nothing need be recorded: {before}" if before == _SETTLED and relative[place] < _WELL_KNOWN else before
 
@@ -95,7 +96,7 @@ def least_certain(fit: Fit, covariance: Array, before: str = _SETTLED) -> tuple[
         share = max(1.0 / np.sqrt(1.0 + gain / (2.0 * _ENDS) ** 2), _MOST)
         if not known:
             return (
-                f"{before}; least certain is {effect.name} at {effect.target}, whose standard errors these "
+                f"{before}; least certain is {where}, whose standard errors these "
                 f"controls would bring to about {100 * share:.2g} % of what they are"
             )
         narrower = f"{share * error[place]:.2g}{unit}"
@@ -105,4 +106,6 @@ def least_certain(fit: Fit, covariance: Array, before: str = _SETTLED) -> tuple[
         )
 
     fits = [dataclasses.replace(fit, values=split(fit.effects, end)) for end in ends]
+    if not known:
+        return fits, Telling([f"{where} at {end} end of its interval" for end in ("one", "the other")], sentence)
     return fits, Telling([f"{what} {end[place]:.4g}{unit}" for end in ends], sentence)
