@@ -78,6 +78,18 @@ def test_a_law_of_the_wrong_size_shows_the_force_that_is_there(bench, damped) ->
     assert np.sqrt(np.mean(apart**2)) > 3.0
 
 
+def test_points_of_a_law_narrower_than_a_bin_lie_along_it(bench) -> None:
+    cogging = bench.effect("cogging")
+    values = cogging.seeds[-1]
+    fit = dataclasses.replace(bench.nominal, effects=(cogging,), values=(values,))
+    left = locate(bench.shooting, bench.nominal)
+    (law,) = laws(bench.engine.channels, left, fit, fit.effects)
+    (over,) = (region for region in left if (region.joint, region.over) == ("hip", "qpos.hip"))
+    drawn = cogging.force(np.array(law["x"]), np.zeros(len(law["x"])), values)
+    np.testing.assert_allclose(np.array(law["force"]) - over.force, drawn)
+    assert np.ptp(drawn) > 0.0
+
+
 def test_an_effect_without_a_force_law_has_none(bench) -> None:
     fit = bench.fit("armature_error", 0.01)
     assert laws(bench.engine.channels, locate(bench.shooting, fit), fit, fit.effects) == []

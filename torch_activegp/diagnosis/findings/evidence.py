@@ -14,9 +14,6 @@ from torch_activegp.diagnosis.shooting.likelihood import Shooting
 from torch_activegp.physics.effect import Effect
 from torch_activegp.physics.joint import JointEffect
 
-_INSIDE = 21
-"""Places in each bin over which a law is averaged."""
-
 
 def map_time(shooting: Shooting, before: Fit, after: Fit) -> list[dict[str, Any]]:
     """Chi2 per sample of every segment, before and after, with its centre and its length, s."""
@@ -63,7 +60,7 @@ def map_region(before: Sequence[Region], after: Sequence[Region]) -> list[dict[s
 def laws(channels: Channels, left: Sequence[Region], fit: Fit, named: Sequence[Effect]) -> list[dict[str, Any]]:
     """For every named force law: the law, and over it the force that is missing without it.
 
-    The points are partial residuals: the law in each bin, and the force that the whole set leaves there. A simulation
+    The points are partial residuals: the law amid each bin, and the force that the whole set leaves there. A simulation
     without the law leaves its segments; the force by which it does so is no longer one on the recorded motion.
 
     Args:
@@ -88,8 +85,7 @@ def laws(channels: Channels, left: Sequence[Region], fit: Fit, named: Sequence[E
         def law(x: Array, effect: JointEffect = effect, by_position: bool = by_position) -> Array:
             return _law(effect, values[effect], x, by_position)
 
-        low, high = region.edges[:-1], region.edges[1:]
-        inside = low[:, None] + (high - low)[:, None] * (np.arange(_INSIDE) + 0.5) / _INSIDE
+        amid = 0.5 * (region.edges[:-1] + region.edges[1:])
         x = np.linspace(region.edges[0], region.edges[-1], 201)
         length = channels.units[channels.joints.index(joint)]
         force = {"rad": "N m", "m": "N"}[length] if "N" in effect.parameters[0].unit else f"{length}/s2"
@@ -100,8 +96,8 @@ def laws(channels: Channels, left: Sequence[Region], fit: Fit, named: Sequence[E
                 "over": over,
                 "unit_x": length if by_position else f"{length}/s",
                 "unit_y": force,
-                "x": (0.5 * (low + high)).tolist(),
-                "force": (region.force + law(inside).mean(axis=1)).tolist(),
+                "x": amid.tolist(),
+                "force": (region.force + law(amid)).tolist(),
                 "force_sd": region.spread.tolist(),
                 "law_x": x.tolist(),
                 "law_y": law(x).tolist(),
