@@ -44,9 +44,13 @@ def test_the_maps_start_with_the_worst_and_share_one_scale(fakes: Any) -> None:
     assert charts[0].marks[1].path.startswith("M62.5")  # the first bin has no sample
 
 
-def test_where_nothing_was_corrected_only_one_line_is_drawn(fakes: Any) -> None:
-    section = place(*fakes["none"]())
-    assert section.heading == "No part of the motion stands out from the noise"
+def test_where_nothing_is_missing_nothing_stands_out(fakes: Any) -> None:
+    assert place(*fakes["none"]()).heading == "No part of the motion stands out from the noise"
+
+
+@pytest.mark.parametrize("verdict", ["none", "unknown"])
+def test_where_nothing_was_corrected_only_one_line_is_drawn(fakes: Any, verdict: str) -> None:
+    section = place(*fakes[verdict]())
     assert {strip["look"] for strip in section.content["times"]["strips"]} == {"before"}
     assert [mark.look for mark in section.content["charts"][0].marks] == ["noise-level", "before"]
 

@@ -25,7 +25,7 @@ _ALL_BUT = 0.02
 def place(diagnosis: Values, evidence: Values) -> Section | None:
     """Where and when the simulator is wrong; None without any map."""
     known = units(evidence)
-    looks = ("before",) if diagnosis["verdict"] == "none" else ("before", "after")
+    looks = ("before", "after") if diagnosis.get("effects") else ("before",)  # else nothing was corrected
     maps = [found for found in evidence.get("map_region") or [] if len(found.get("before") or [])]
     seen = {found["over"]: (found["edges"][0], found["edges"][-1]) for found in maps}
     rows = [_row(found, known, seen) for found in diagnosis.get("location") or []]
