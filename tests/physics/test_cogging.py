@@ -84,3 +84,13 @@ def test_on_a_slide_and_for_several_waves_no_number_is_whole(bench) -> None:
     two = Cogging.at(bench.shoulder, bench.model).more
     assert two is not None
     assert two.starts_beside(np.array([0.1, 0.2, 0.1, 0.2, 5.5, 9.5])) == []
+
+
+def test_a_quick_wave_is_seen_below_slower_ones_that_weigh_more(bench: Any) -> None:
+    """The pull on a joint weighs slow waves most, and a residual force has several of them."""
+    rng = np.random.default_rng(0)
+    effect, position = Cogging.at(bench.shoulder, bench.model), rng.uniform(-1.5, 1.5, 20_000)
+    slow = sum(2.0 * np.sin(n * position + n) for n in (7.0, 12.0, 17.0, 22.0))
+    pull = slow + np.sin(28.0 * position) + 3.0 * rng.normal(size=len(position))
+    seen = effect.scan(position, pull)[:, 2]
+    assert np.abs(seen - 28.0).min() < 1.0  # waves are resolved that are two apart

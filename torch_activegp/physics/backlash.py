@@ -62,6 +62,7 @@ class Backlash(Effect):
     law = "the motor's torque reaches the joint only at the ends of a gap"
     needs_steps = True
     needs_past = True
+    strikes = True
 
     @classmethod
     def fits(cls, place: Place, model: mujoco.MjModel) -> bool:

@@ -30,7 +30,8 @@ _MOST_BINS = 1 << 18
 _PADDING = 4
 _TREND = 9
 """Resolved numbers of periods over which the median is the trend."""
-_PEAKS = 3
+_PEAKS = 6
+"""Of each kind. The pull weighs slow waves most: one of 28 periods a turn under a paddle was the fifth."""
 _WHOLE = 1e-3
 
 

@@ -129,6 +129,8 @@ class Effect:
     """Place in which it is written into a model: on a drive, in the chain from its command to its force."""
     needs_past: ClassVar[bool] = False
     """Whether :meth:`memory` takes, as its fourth, the :class:`~torch_activegp.physics.rotor.Past`."""
+    strikes: ClassVar[bool] = False
+    """Whether it acts suddenly, at an instant that a time step has room for: its numbers want short ones."""
     losses: ClassVar[frozenset[str]] = frozenset()
     """Described amplitudes of what a machine has or has not: where all are negative, the simulator has too much."""
 

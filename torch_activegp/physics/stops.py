@@ -48,6 +48,7 @@ class JointStop(JointEffect):
     never_negative = frozenset({"stiffness", "damping"})
     law = "-max(0, k p + d v) past the stop, p the penetration"
     order = WITH_ITS_INERTIA
+    strikes = True
     inertia: float = 1.0
     speed: float = 0.0
     end: float = 0.0

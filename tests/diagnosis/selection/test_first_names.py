@@ -98,6 +98,28 @@ def test_a_long_search_that_leaves_much_was_in_vain(bench, monkeypatch, cut: boo
     assert module.on_a_part(naming, numerics, bench.shooting.noise, [], lambda _: None).in_vain == vain
 
 
+@pytest.mark.parametrize("vain", [True, False])
+def test_what_strikes_is_sought_in_shorter_steps_where_a_search_was_in_vain(bench, monkeypatch, vain: bool) -> None:
+    """And names go on from there, by that form."""
+    monkeypatch.setattr(module, "_ended", lambda *a: (False, vain and len(a) > 2))
+    effects, right = [bench.effect("quadratic_drag")], bench.fit("viscous_friction", bench.viscous)
+    other = dataclasses.replace(bench.shooting)
+    asked: list[Selection] = []
+    monkeypatch.setattr(
+        module, "in_short_steps", lambda *a: asked.append(a[3]) or (bench.engine, other, bench.nominal, right)
+    )
+    naming = Naming(bench.engine, bench.shooting, bench.nominal, bench.nominal)
+    numerics, noise = Numerics.of(bench.machine, 1), bench.shooting.noise
+    found = module.on_a_part(naming, numerics, noise, effects, lambda _: None)
+    assert not found.in_vain
+    assert len(asked) == vain
+    if vain:
+        assert asked[0].best.keys == {("quadratic_drag", "joint:hip")}
+        assert found.shooting is other
+        assert found.judged is right
+        assert found.best == frozenset(right.effects)
+
+
 @pytest.mark.parametrize("most", [True, False])
 def test_numerics_are_not_chosen_behind_names_that_leave_most(bench, monkeypatch, most: bool) -> None:
     """And the search goes on from what it has compared."""

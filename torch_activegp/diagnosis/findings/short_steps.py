@@ -9,7 +9,6 @@ from torch_activegp.diagnosis.shooting.fit import Fit
 from torch_activegp.diagnosis.shooting.likelihood import Shooting
 from torch_activegp.diagnosis.simulation.engine import Engine
 
-_STRIKE = frozenset({"joint_stop", "backlash"})
 _SHORTER = (4, 16)
 _AFFORDED, _WORK = 6e5, 1e7
 """Time steps of one simulation of all segments at most, and of all by steps of one length, after which the fit ends."""
@@ -38,7 +37,7 @@ def numbers_of(engine: Engine, shooting: Shooting, fit: Fit, held: bool) -> tupl
         The fit by the shorter steps, and a note that says so; the same fit where nothing strikes, or where shorter
         steps do worse or take too long.
     """
-    striking = [f"{effect.name} at {effect.target}" for effect in fit.effects if effect.name in _STRIKE]
+    striking = [f"{effect.name} at {effect.target}" for effect in fit.effects if effect.strikes]
     if not striking:
         return fit, []
     sharp, taken = fit, engine

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 from collections.abc import Callable, Sequence
+from typing import Self
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,6 +19,7 @@ from torch_activegp.diagnosis.selection.compared import Selection
 from torch_activegp.diagnosis.selection.proposals import contains, paired
 from torch_activegp.diagnosis.selection.prospects import hopeless, leaves_most
 from torch_activegp.diagnosis.selection.search import Depth, go_on, select
+from torch_activegp.diagnosis.selection.striking import in_short_steps
 from torch_activegp.diagnosis.shooting.fit import Fit
 from torch_activegp.diagnosis.shooting.likelihood import Shooting
 from torch_activegp.diagnosis.shooting.score import NOISE_ALONE
@@ -82,6 +84,10 @@ class Naming:
         much = 2 * _ENOUGH < left - self.shooting.dof < np.inf
         return bool(much) and self.shooting.segments.size > FEWEST
 
+    def by(self, engine: Engine, shooting: Shooting, nominal: Fit, judged: Fit) -> Self:
+        """The same by another form of the model; as :meth:`Numerics.choose` returns it."""
+        return dataclasses.replace(self, engine=engine, shooting=shooting, nominal=nominal, judged=judged)
+
     def yet_to_try(self, judged: Fit, shooting: Shooting) -> Sets:
         """What was put aside, where all that was found since leaves as much: it may be right, and not be all.
 
@@ -126,11 +132,10 @@ def on_a_part(
         tell: hears what is being done.
         most: times the noise that the first of them may leave; else they are put aside.
     """
-    shooting, nominal, free = naming.shooting, naming.nominal, naming.free
-    part, which = _part(shooting, nominal)
-    here = nominal.pick(which)
+    part, which = _part(naming.shooting, naming.nominal)
+    here = naming.nominal.pick(which)
     rough = part.fit([((), ())], here.starts, near=here)[0]
-    chosen = select(part, effects, rough, naming.sets, tell=tell, free=free, depth=_GLANCE)
+    chosen = select(part, effects, rough, naming.sets, tell=tell, free=naming.free, depth=_GLANCE)
     if chosen.score.scale > most:
         return dataclasses.replace(naming, aside=leaders(chosen)[:1])
     through = False
@@ -139,19 +144,48 @@ def on_a_part(
         if through:
             chosen = go_on(chosen, part, effects, tell, _ON_A_PART.counted_from(part.work))
         else:  # behind them another form may agree better
-            sets, free = leaders(chosen), chosen.score.free
-            engine, shooting, nominal, judged = numerics.choose(shooting.segments, noise, nominal, nominal, sets)
-            naming = dataclasses.replace(naming, engine=engine, shooting=shooting, nominal=nominal, judged=judged)
-            odd = is_of(judged, chosen.best.effects) and judged.chi2 > _ODD * chosen.score.scale * shooting.dof
-            part, which = _part(shooting, nominal, judged.per_segment if odd else None)
-            rough, there = nominal.pick(which), judged.pick(which)
-            seen = part.fit([(there.effects, there.values)], there.starts, near=there)[0]
-            chosen = select(part, effects, rough, besides(sets, seen), seen, tell, free, _ON_A_PART)
-    best, lost = frozenset(chosen.best.effects), hopeless(chosen, part)
-    in_vain = (chosen.cut_short or (through and lost)) and chosen.score.scale > _MUCH
+            sets, shooting, nominal = leaders(chosen), naming.shooting, naming.nominal
+            naming = naming.by(*numerics.choose(shooting.segments, noise, nominal, nominal, sets))
+            part, chosen = _anew(naming, sets, chosen, effects, tell)
+    lost, in_vain = _ended(chosen, part, through)
+    struck = in_short_steps(numerics, naming.shooting, part, chosen, effects, tell) if in_vain else None
+    if struck is not None:
+        naming = naming.by(*struck)
+        part, chosen = _anew(naming, [], chosen, effects, tell)
+        lost, in_vain = _ended(chosen, part)
+    best = frozenset(chosen.best.effects)
     return dataclasses.replace(
         naming, sets=leaders(chosen), free=chosen.score.free, best=best, lost=lost, in_vain=in_vain
     )
+
+
+def _anew(
+    naming: Naming, sets: Sets, chosen: Selection, effects: Sequence[Effect], tell: Tell
+) -> tuple[Shooting, Selection]:
+    """Names on a part of the data by another form of the model.
+
+    Args:
+        naming: where it stands, with that form.
+        sets: to begin from, besides the one behind which it was taken.
+        chosen: what was found by another form.
+        effects: what is tried.
+        tell: hears what is being done.
+
+    Returns:
+        The likelihood on the part, and what was found by it.
+    """
+    shooting, judged, scale = naming.shooting, naming.judged, chosen.score.scale
+    odd = is_of(judged, chosen.best.effects) and judged.chi2 > _ODD * scale * shooting.dof
+    part, which = _part(shooting, naming.nominal, judged.per_segment if odd else None)
+    rough, there = naming.nominal.pick(which), judged.pick(which)
+    seen = part.fit([(there.effects, there.values)], there.starts, near=there)[0]
+    return part, select(part, effects, rough, besides(sets, seen), seen, tell, chosen.score.free, _ON_A_PART)
+
+
+def _ended(chosen: Selection, part: Shooting, through: bool = False) -> tuple[bool, bool]:
+    """Whether names leave nearly all, and whether a search was in vain; where it went on by the form it began with."""
+    lost = hopeless(chosen, part)
+    return lost, (chosen.cut_short or (through and lost)) and chosen.score.scale > _MUCH
 
 
 def _part(shooting: Shooting, nominal: Fit, worst: Array | None = None) -> tuple[Shooting, NDArray[np.int64]]:
