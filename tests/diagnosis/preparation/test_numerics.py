@@ -367,3 +367,24 @@ def test_a_form_is_given_up_by_what_was_expected_of_the_best_one(clean) -> None:
     results.append((110.0, clean.engine, clean.shooting, clean.nominal, 500.0))
     assert numerics._too_far(results, False) == pytest.approx(120.0 + numerics._BARE_BEHIND)
     assert numerics._too_far(results, True) == pytest.approx(100.0 * (1.0 + numerics._BEHIND) + numerics._FAR_BEHIND)
+
+
+@pytest.mark.parametrize(("late", "fitted"), [(0.002, 2), (0.05, 1)])
+def test_behind_a_delay_of_a_few_steps_all_forms_are_fitted(clean, monkeypatch, late: float, fitted: int) -> None:
+    """A form that has controls early wants a longer one, which seems far off by another one."""
+    made = Numerics.of(clean.integrated("Euler", 0.005), 1)
+    shooting, delay = truth_of(clean, made, "fine"), clean.effect("actuator_delay", "actuator:drive")
+    rough = shooting.fit([((delay,), (np.array([late]),))], clean.nominal.starts, hold=True)[0]
+    worked = []
+
+    def work(self, rival, first, rough, lost):
+        worked.append(rival.engine)
+        return first, dataclasses.replace(rough, chi2=float(first.dof))
+
+    monkeypatch.setattr(Numerics, "_working", work)
+    monkeypatch.setattr(Numerics, "_own_behind", lambda self, *a: a[1:4])
+    monkeypatch.setattr(numerics, "_too_far", lambda *_: -np.inf)
+    monkeypatch.setattr(numerics, "distinct", lambda rivals, *_: rivals)
+    rivals = [Rival.at(shooting, form, rough) for form in (made.given, made.fine)]
+    made._race(rivals, shooting, rough, [], shooting.dof)
+    assert len(worked) == fitted

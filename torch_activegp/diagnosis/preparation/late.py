@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 
 import mujoco
 import numpy as np
@@ -12,12 +12,20 @@ from torch_activegp.physics.effect import Effect
 from torch_activegp.physics.joint import JointEffect
 
 LIKE_A_TIME_STEP = frozenset({"actuator_delay", "actuator_lag", "sensor_delay"})
+_FEW_STEPS = 4.0
+"""What comes late by fewer time steps is seen in shorter ones too: behind steps of 5 ms a lag of 3 ms was a delay."""
 _FARTHER = 1e-4
 """How far a joint is moved, rad or m, and how fast, to see stiffness and damping."""
 _SLACK = 2.0
 """Times half a step that may be meant: transmissions are stiffer elsewhere than at the model's pose."""
 
 Sets = Sequence[tuple[Sequence[Effect], Sequence[Array]]]
+
+
+def like_few_steps(effects: Iterable[Effect], values: Iterable[Array], step: float) -> bool:
+    """Whether some effects hold one that comes late by so few time steps, s, that these may be what is wrong."""
+    pairs = zip(effects, values, strict=True)
+    return any(effect.name in LIKE_A_TIME_STEP and value[0] < _FEW_STEPS * step for effect, value in pairs)
 
 
 def without_delays(sets: Sets) -> list[tuple[tuple[Effect, ...], tuple[Array, ...]]]:

@@ -12,8 +12,8 @@ from torch_activegp.diagnosis.noise.model import NoiseModel
 from torch_activegp.diagnosis.preparation.agreement import bar, first_close, just, settled, unabsorbed
 from torch_activegp.diagnosis.preparation.brief_pieces import left_in_brief
 from torch_activegp.diagnosis.preparation.late import (
-    LIKE_A_TIME_STEP,
     Sets,
+    like_few_steps,
     otherwise_late,
     without_delays,
     without_half_steps,
@@ -41,16 +41,14 @@ _NEAR, _LOST = 2.0, 4.0
 _BEHIND, _FAR_BEHIND, _BARE_BEHIND = 0.02, 50.0, 10.0
 """Where one leaves noise alone, others are not fitted that cost more to first order: by a part of its cost and so much
 chi2 (parameters may move far, and the model's own form comes before others), or by so much where initial states alone
-are fitted. Not where something touches or sticks."""
+are fitted. Not where something touches or sticks, nor behind a delay of few steps, which is longer by a form that has
+controls early: behind drag and two of half a step Runge-Kutta was not tried, which wanted drag alone."""
 _ABOUT = 1.2
 """Where the fine form leaves at most so many times what the closest one does before they are fitted, it comes first."""
 _GLANCE, _NO_FARTHER = 6, 1.1
 """Segments on which the model's own integrator is tried in steps of several lengths where something sticks; and how
 much more than the other forms the best may leave to be fitted: it must be better where much is left, by what it costs.
 Where something touches, any form than the best one in brief pieces."""
-_FEW_STEPS = 4.0
-"""What comes late by fewer time steps is seen in shorter ones too: behind steps of 5 ms a lag of 3 ms was a delay."""
-
 
 Known = tuple[Engine, Shooting]
 
@@ -151,11 +149,12 @@ class Numerics(Forms):
         if not strikes:  # what does ends elsewhere by forms that are alike
             rivals = distinct(rivals, first, rough, not smooth)
         close = _ABOUT * min(rival.left for rival in rivals)
+        told = smooth and not like_few_steps(rough.effects, rough.values, self._fine_step(first.segments))
         for rival in sorted(rivals, key=lambda one: (one.engine is not self.fine or one.left > close, one.left)):
             lost = _LOST * least if least < _NEAR * first.dof else np.inf
             expected = self._cost(rival.engine, rough, rival.least / share, dof)
             much = rival.engine is self.given or bool(rough.effects)
-            if least < NOISE_ALONE * first.dof and smooth and expected > _too_far(results, much):
+            if least < NOISE_ALONE * first.dof and told and expected > _too_far(results, much):
                 continue
             working, judged = self._working(rival, first, rough, lost)
             if judged.chi2 > lost:
@@ -241,13 +240,14 @@ class Numerics(Forms):
         Where that leaves more than the noise, those with short steps are too: MuJoCo's dry friction creeps in long
         ones, and was found 2 % off by two integrators in steps of 5 ms or of first order.
         """
-        step = float(np.median(segments.dt)) / self.fine.substeps
-        pairs = [pair for effects, values in sets for pair in zip(effects, values, strict=True)]
-        late = any(effect.name in LIKE_A_TIME_STEP and value[0] < _FEW_STEPS * step for effect, value in pairs)
-        short = loud or late or any(effect.needs_steps for effect, _ in pairs)
-        held = (self.finest, self.leapt) if short else ()
-        forms = (self.given, self.fine, self.firm, self.firm_leapt, *(known[:1] if known else ()), *held)
+        held = any(effect.needs_steps for effects, _ in sets for effect in effects)
+        short = loud or held or any(like_few_steps(*some, self._fine_step(segments)) for some in sets)
+        shorter = (self.finest, self.leapt) if short else ()
+        forms = (self.given, self.fine, self.firm, self.firm_leapt, *(known[:1] if known else ()), *shorter)
         return [form for form in dict.fromkeys(forms) if form is not None]
+
+    def _fine_step(self, segments: Segments) -> float:
+        return float(np.median(segments.dt)) / self.fine.substeps
 
     def _working(self, rival: Rival, first: Shooting, rough: Fit, lost: float) -> tuple[Shooting, Fit]:
         """The cheapest form that stays close to an engine, corrected by it.
