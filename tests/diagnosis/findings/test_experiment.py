@@ -2,6 +2,7 @@ from __future__ import annotations
 
 import dataclasses
 import io
+from types import SimpleNamespace
 
 import mujoco
 import numpy as np
@@ -12,6 +13,7 @@ from torch_activegp.diagnosis.findings.experiment import (
     SECONDS,
     _beyond,
     _chosen,
+    _leaving,
     _limits,
     _multisine,
     _reach,
@@ -130,22 +132,32 @@ def test_trials_that_stay_near_go_before_those_that_tell_more(bench, rivals, mon
     monkeypatch.setattr("torch_activegp.diagnosis.findings.experiment._NEAR", 100.0)
     most = next_experiment(*arguments)[0]["predicted_gain"]
     assert entry["predicted_gain"] <= most
-    monkeypatch.setattr("torch_activegp.diagnosis.findings.experiment._NEAR", -0.5)
+    monkeypatch.setattr("torch_activegp.diagnosis.findings.experiment._NEAR", -0.45)
     away = next_experiment(*arguments)[0]
     assert away["predicted_gain"] < most
-    assert "started. Simulate them first: none were found that tell and keep the machine near; hip " in away["why"]
+    assert (
+        "started. Simulate these controls first: none were found that tell and keep the machine near; hip "
+        in away["why"]
+    )
 
 
 @pytest.mark.parametrize(
     ("apart", "astray", "chosen"),
     [
-        ([9.0, 5.0, 30.0], [0.0, 0.0, 0.1], 0),  # of those that stay near the one that tells most
-        ([9.0, 3.0, 30.0], [0.2, 0.0, 0.1], 2),  # what stays near tells nothing: the nearest that tells
-        ([1.0, 3.0, 2.0], [0.2, 0.0, 0.1], 1),
+        ([5.0, 9.0, 30.0], [0.0, 0.0, 0.1], 1),  # of those that stay near the one that tells most
+        ([9.0, 3.0, 30.0], [0.5, 0.0, 0.2], 2),  # what stays near tells nothing: the nearest that tells
+        ([5.0, 9.0, 30.0], [0.5, 0.55, 0.7], 1),  # and of those about as near the one that tells more
+        ([1.0, 3.0, 2.0], [0.2, 0.1, 0.0], 1),
     ],
 )
 def test_of_trials_that_leave_what_was_seen_the_nearest_that_tells_is_chosen(apart, astray, chosen) -> None:
     assert _chosen(np.array(apart), np.array(astray)) == chosen
+
+
+def test_a_joint_leaves_what_is_near_by_parts_of_it() -> None:
+    two = SimpleNamespace(channels=SimpleNamespace(joints=("rail", "elbow"), hinge=(False, True)))
+    told = _leaving(two, np.array([0.3, 0.2]), np.array([3.0, 0.1]))
+    assert told.endswith("elbow leaves the positions seen by 0.2 rad")
 
 
 def test_near_is_half_the_range_seen_beyond_its_ends_and_within_the_limits(bench) -> None:

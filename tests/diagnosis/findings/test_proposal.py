@@ -100,7 +100,7 @@ def test_a_number_that_has_no_name_is_told_by_its_effect(bench) -> None:
         48
     )
     where = "cogging at joint:hip at"
-    assert telling.separates == [f"{where} one end of its interval", f"{where} the other end of its interval"]
+    assert telling.separates == [f"{where} one end of its intervals", f"{where} the other end of its intervals"]
 
 
 def test_other_parameters_follow_the_least_certain_one(bench, wet) -> None:

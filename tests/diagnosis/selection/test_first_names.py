@@ -98,26 +98,26 @@ def test_a_long_search_that_leaves_much_was_in_vain(bench, monkeypatch, cut: boo
     assert module.on_a_part(naming, numerics, bench.shooting.noise, [], lambda _: None).in_vain == vain
 
 
-@pytest.mark.parametrize("vain", [True, False])
-def test_what_strikes_is_sought_in_shorter_steps_where_a_search_was_in_vain(bench, monkeypatch, vain: bool) -> None:
-    """And names go on from there, by that form."""
-    monkeypatch.setattr(module, "_ended", lambda *a: (False, vain and len(a) > 2))
-    effects, right = [bench.effect("quadratic_drag")], bench.fit("viscous_friction", bench.viscous)
-    other = dataclasses.replace(bench.shooting)
-    asked: list[Selection] = []
-    monkeypatch.setattr(
-        module, "in_short_steps", lambda *a: asked.append(a[3]) or (bench.engine, other, bench.nominal, right)
-    )
+@pytest.mark.parametrize(("vain", "most"), [(True, np.inf), (False, np.inf), (True, 10.0)])
+def test_what_strikes_is_sought_in_shorter_steps_where_a_search_was_in_vain(bench, monkeypatch, vain, most) -> None:
+    """And names go on from there, by that form; but not in brief pieces."""
+    right, other = bench.fit("viscous_friction", bench.viscous), dataclasses.replace(bench.shooting)
+    first = Selection(bench.nominal, [bench.nominal], Score(bench.shooting.samples, 10, 3.0), cut_short=vain)
+    later = Selection(bench.nominal, [bench.nominal, right], Score(bench.shooting.samples, 10, 1.0))
+    selections, asked = [first, later], []
+    monkeypatch.setattr(module, "select", lambda *_, **__: selections.pop(0))
+    struck = bench.engine, other, bench.nominal, right
+    monkeypatch.setattr(module, "in_short_steps", lambda *a: asked.append(a[4]) or struck)
     naming = Naming(bench.engine, bench.shooting, bench.nominal, bench.nominal)
     numerics, noise = Numerics.of(bench.machine, 1), bench.shooting.noise
-    found = module.on_a_part(naming, numerics, noise, effects, lambda _: None)
-    assert not found.in_vain
-    assert len(asked) == vain
-    if vain:
-        assert asked[0].best.keys == {("quadratic_drag", "joint:hip")}
-        assert found.shooting is other
-        assert found.judged is right
+    found = module.on_a_part(naming, numerics, noise, [], lambda _: None, most)
+    if vain and most > 1e9:
+        assert asked == [first]
+        assert (found.shooting, found.judged, found.in_vain) == (other, right, False)
         assert found.best == frozenset(right.effects)
+    else:
+        assert asked == []
+        assert found.in_vain == vain
 
 
 @pytest.mark.parametrize("most", [True, False])

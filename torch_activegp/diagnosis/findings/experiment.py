@@ -21,6 +21,9 @@ _BESIDE = 0.3
 """Largest part of a multisine that is added to the recorded control: what drifts away under any other stays nearer so,
 the nearer the less is added."""
 _NEAR = 0.5
+_AS_NEAR, _STILL = 0.1, 100.0
+"""Parts of what is near by which trials that leave it may differ and be as near; and times the noise that a joint has
+of it at least, which stood still."""
 _LEAST = 4.0
 """Models that differ by less chi2 than this are not told apart by one more recording."""
 
@@ -102,14 +105,15 @@ def next_experiment(
     states = np.repeat(states, 2, axis=0)
     reach = _reach(engine, runs)
     apart, away = _apart(cheap or engine, segments, states, both, noise, reach)
-    best = _chosen(apart, (away / np.maximum(np.ptp(reach, axis=0), np.finfo(float).tiny)).max(axis=1))
+    width = np.maximum(np.ptp(reach, axis=0), _STILL * noise.scale)
+    best = _chosen(apart, (away / width).max(axis=1))
     gains, away = _apart(engine, segments.pick(np.array([best])), states[:, [best]], both, noise, reach)
     if gains[0] < _LEAST:
         return None
     told = telling or _names(rivals[0], rivals[1])
     seen, caution = "of controls and near the positions seen", ""
     if (away[0] > 0.0).any():
-        seen, caution = "of controls", f". Simulate them first: {_leaving(engine, away[0])}"
+        seen, caution = "of controls", f". Simulate these controls first: {_leaving(engine, away[0], width)}"
     entry = {
         "separates": told.separates,
         "why": (
@@ -123,7 +127,7 @@ def next_experiment(
 
 
 def _chosen(apart: Array, astray: Array) -> int:
-    """The trial that tells most of those that stay near; where none of these tells, the one of all that leaves least.
+    """The trial that tells most of those that stay near; where none of these tells, of those that leave it least.
 
     Args:
         apart: chi2 by which two models differ, ``(S,)``.
@@ -132,8 +136,9 @@ def _chosen(apart: Array, astray: Array) -> int:
     tells = apart >= _LEAST
     if not tells.any():
         return int(np.argmax(apart))
-    near = tells & (astray <= 0.0)
-    return int(np.argmax(np.where(near, apart, 0.0)) if near.any() else np.argmin(np.where(tells, astray, np.inf)))
+    least = float(astray[tells].min())
+    near = tells & (astray <= (least + _AS_NEAR if least > 0.0 else 0.0))
+    return int(np.argmax(np.where(near, apart, 0.0)))
 
 
 def _replayed(run: Run, rows: int, rest: Array) -> Array:
@@ -143,9 +148,9 @@ def _replayed(run: Run, rows: int, rest: Array) -> Array:
     return out
 
 
-def _leaving(engine: Engine, away: Array) -> str:
-    """Which joint goes how far beyond what is near, from excesses ``(C,)``, m or rad."""
-    worst = int(np.argmax(away))
+def _leaving(engine: Engine, away: Array, width: Array) -> str:
+    """Which joint goes how far beyond what is near, from excesses and widths of that ``(C,)``, m or rad."""
+    worst = int(np.argmax(away / width))
     unit = "rad" if engine.channels.hinge[worst] else "m"
     far = f"by {away[worst]:.3g} {unit}" if np.isfinite(away[worst]) else "for good"
     joint = engine.channels.joints[worst]

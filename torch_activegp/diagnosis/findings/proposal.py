@@ -107,5 +107,5 @@ def least_certain(fit: Fit, covariance: Array, before: str = _SETTLED) -> tuple[
 
     fits = [dataclasses.replace(fit, values=split(fit.effects, end)) for end in ends]
     if not known:
-        return fits, Telling([f"{where} at {end} end of its interval" for end in ("one", "the other")], sentence)
+        return fits, Telling([f"{where} at {end} end of its intervals" for end in ("one", "the other")], sentence)
     return fits, Telling([f"{what} {end[place]:.4g}{unit}" for end in ends], sentence)

@@ -13,7 +13,7 @@ from torch_activegp.physics.joint import JointEffect
 
 LIKE_A_TIME_STEP = frozenset({"actuator_delay", "actuator_lag", "sensor_delay"})
 _FEW_STEPS = 4.0
-"""What comes late by fewer time steps is seen in shorter ones too: behind steps of 5 ms a lag of 3 ms was a delay."""
+"""What comes late by fewer time steps may be a matter of these: behind steps of 5 ms a lag of 3 ms was a delay."""
 _FARTHER = 1e-4
 """How far a joint is moved, rad or m, and how fast, to see stiffness and damping."""
 _SLACK = 2.0

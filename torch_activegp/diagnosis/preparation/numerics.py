@@ -149,12 +149,12 @@ class Numerics(Forms):
         if not strikes:  # what does ends elsewhere by forms that are alike
             rivals = distinct(rivals, first, rough, not smooth)
         close = _ABOUT * min(rival.left for rival in rivals)
-        told = smooth and not like_few_steps(rough.effects, rough.values, self._fine_step(first.segments))
+        may_skip = smooth and not like_few_steps(rough.effects, rough.values, self._fine_step(first.segments))
         for rival in sorted(rivals, key=lambda one: (one.engine is not self.fine or one.left > close, one.left)):
             lost = _LOST * least if least < _NEAR * first.dof else np.inf
             expected = self._cost(rival.engine, rough, rival.least / share, dof)
             much = rival.engine is self.given or bool(rough.effects)
-            if least < NOISE_ALONE * first.dof and told and expected > _too_far(results, much):
+            if least < NOISE_ALONE * first.dof and may_skip and expected > _too_far(results, much):
                 continue
             working, judged = self._working(rival, first, rough, lost)
             if judged.chi2 > lost:

@@ -183,7 +183,7 @@ def _start(
         longer = fewer.segments.size < segments.size
         if longer:
             used, nominal = fewer.segments, fewer.nominal
-        new = {effect.key for effect in naming.best} != judged.keys
+        new = naming.best != frozenset(judged.effects)
         if longer or (new and not astray):
             sought, only = ([], None) if astray else (sets, None if new else engine)
             engine, shooting, nominal, judged = numerics.choose(used, noise, nominal, nominal, sought, only=only)

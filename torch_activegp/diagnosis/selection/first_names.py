@@ -145,13 +145,16 @@ def on_a_part(
             chosen = go_on(chosen, part, effects, tell, _ON_A_PART.counted_from(part.work))
         else:  # behind them another form may agree better
             sets, shooting, nominal = leaders(chosen), naming.shooting, naming.nominal
+            naming = dataclasses.replace(naming, free=chosen.score.free)
             naming = naming.by(*numerics.choose(shooting.segments, noise, nominal, nominal, sets))
             part, chosen = _anew(naming, sets, chosen, effects, tell)
     lost, in_vain = _ended(chosen, part, through)
-    struck = in_short_steps(numerics, naming.shooting, part, chosen, effects, tell) if in_vain else None
+    struck = None
+    if in_vain and not np.isfinite(most):  # brief pieces lend their names alone
+        struck = in_short_steps(numerics, naming.engine, naming.shooting, part, chosen, effects, tell)
     if struck is not None:
         naming = naming.by(*struck)
-        part, chosen = _anew(naming, [], chosen, effects, tell)
+        part, chosen = _anew(naming, leaders(chosen), chosen, effects, tell)
         lost, in_vain = _ended(chosen, part)
     best = frozenset(chosen.best.effects)
     return dataclasses.replace(
@@ -179,11 +182,17 @@ def _anew(
     part, which = _part(shooting, naming.nominal, judged.per_segment if odd else None)
     rough, there = naming.nominal.pick(which), judged.pick(which)
     seen = part.fit([(there.effects, there.values)], there.starts, near=there)[0]
-    return part, select(part, effects, rough, besides(sets, seen), seen, tell, chosen.score.free, _ON_A_PART)
+    return part, select(part, effects, rough, besides(sets, seen), seen, tell, naming.free, _ON_A_PART)
 
 
 def _ended(chosen: Selection, part: Shooting, through: bool = False) -> tuple[bool, bool]:
-    """Whether names leave nearly all, and whether a search was in vain; where it went on by the form it began with."""
+    """Whether names leave nearly all, and whether the search for them was in vain.
+
+    Args:
+        chosen: the compared sets.
+        part: the likelihood on a part of the data.
+        through: whether it went on by the form of the model that it began with, since the first names left most.
+    """
     lost = hopeless(chosen, part)
     return lost, (chosen.cut_short or (through and lost)) and chosen.score.scale > _MUCH
 
