@@ -145,6 +145,11 @@ def test_a_delay_is_one_law_at_either_end_of_a_machine_with_one_way_through_it(b
     rivals = [(one, 0.0, 1.0), (other, 9.0, 0.0)]
     assert ties_of(rivals, one, encoder, (), (), is_one_way(shooting)) == ((drive.key,) if way == "one" else ())
     assert ties_of(rivals, one, wet, (), (), True) == ()
+    lag = dataclasses.replace(one, effects=(bench.effect("actuator_lag", "actuator:drive"), wet))
+    for distance, tied in ((1.0, {drive.key, encoder.key}), (9.0, set())):  # a lag that a delay stands for as well
+        rivals = [(lag, 0.0, 1.0), (other, distance, 0.0), (one, 9.0, 0.0)]
+        assert set(ties_of(rivals, lag, lag.effects[0], (), (), True)) == tied
     assert is_as_late(one, other) and is_as_late(other, one)
+    assert not is_as_late(lag, other)
     assert not is_as_late(one, dataclasses.replace(other, effects=(bias, wet)))
     assert not is_as_late(one, dataclasses.replace(other, chi2=1.1 * one.chi2))

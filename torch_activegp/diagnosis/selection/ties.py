@@ -62,7 +62,8 @@ def ties_of(
         within: score by which sets differ that are not told apart, :func:`told_apart_by`.
     """
     alone, one = swapped(rivals, best, effect, within), as_one(rivals, best, effect, retuned, tuned)
-    late = as_late(rivals, best, effect) if one_way else ()
+    is_a_delay = effect.name in _DELAYS or any(name in _DELAYS for name, _ in alone)  # as a short lag may be
+    late = as_late(rivals, best, effect) if one_way and is_a_delay else ()
     return tuple(dict.fromkeys([*alone, *late, *as_two(rivals, best, effect, tunable), *one]))
 
 
@@ -94,14 +95,14 @@ def is_one_way(shooting: Shooting) -> bool:
 
 
 def as_late(rivals: Rivals, best: Fit, effect: Effect) -> tuple[tuple[str, str], ...]:
-    """The delay at the other end of a machine with one control and one position: there both are one law.
+    """The delay at another end of a machine with one control and one position: there both are one law.
 
     Whatever moves by a control that comes late moves as late, and free initial states know no clock. Their fits differ
-    by how a delay that is no whole number of time steps is simulated.
+    by how a delay that is no whole number of time steps is simulated. Asked of a delay, and of what one ties with.
     """
     others = best.keys - {effect.key}
     found = []
-    for fit, _, _ in rivals[1:] if effect.name in _DELAYS else ():
+    for fit, _, _ in rivals[1:]:
         new = fit.keys - others
         other = next(iter(new)) if len(new) == 1 else effect.key
         if others <= fit.keys and other[0] in _DELAYS - {effect.name} and fit.chi2 - best.chi2 < _SHIFTED * best.chi2:
@@ -111,7 +112,8 @@ def as_late(rivals: Rivals, best: Fit, effect: Effect) -> tuple[tuple[str, str],
 
 def is_as_late(best: Fit, fit: Fit) -> bool:
     """Whether two sets of a machine with one control and one position differ by where a delay is: in nothing."""
-    return any(as_late([(best, 0.0, 0.5), (fit, 0.0, 0.5)], best, effect) for effect in best.effects)
+    delays = [effect for effect in best.effects if effect.name in _DELAYS]
+    return any(as_late([(best, 0.0, 0.5), (fit, 0.0, 0.5)], best, effect) for effect in delays)
 
 
 def as_part(shooting: Shooting, selection: Selection, effect: Effect) -> tuple[tuple[str, str], ...]:
