@@ -50,7 +50,8 @@ def test_where_nothing_is_missing_nothing_stands_out(fakes: Any) -> None:
 
 @pytest.mark.parametrize("verdict", ["none", "unknown"])
 def test_where_nothing_was_corrected_only_one_line_is_drawn(fakes: Any, verdict: str) -> None:
-    section = place(*fakes[verdict]())
+    diagnosis, evidence = fakes[verdict]()
+    section = place({**diagnosis, "effects": []}, evidence)
     assert {strip["look"] for strip in section.content["times"]["strips"]} == {"before"}
     assert [mark.look for mark in section.content["charts"][0].marks] == ["noise-level", "before"]
 
