@@ -60,8 +60,10 @@ def in_short_steps(
     tried = Selection(bare, [bare], found.score)
     expand(tried, sharp, striking, bare, end)
     best = tried.best
+    if not best.effects or found.score(best) >= found.score(known):
+        return None
     other = sharp.fit([(known.effects, known.values)], known.starts, CREEPS)[0]
-    if not best.effects or found.score(best) >= min(found.score(known), found.score(other)):
+    if found.score(best) >= found.score(other):
         return None
     sets = [((), ()), (best.effects, best.values)]
     bare, judged = whole.fit(sets, form.starts(whole.segments), work=whole.work + _WORK)
