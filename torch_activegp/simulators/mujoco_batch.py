@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from torch_activegp.errors import ConfigurationError
+from torch_activegp.simulators.mujoco_timers import without_timers
 from torch_activegp.simulators.mujoco_warnings import warnings_to
 
 Array = NDArray[np.float64]
@@ -63,7 +64,7 @@ class BatchRunner:
         Returns:
             ``(n, nq + nv + na)``; NaN in the rows of simulations that MuJoCo warned about or could not finish.
         """
-        with self._lock, warnings_to(_logger.debug):
+        with self._lock, warnings_to(_logger.debug), without_timers():
             batch, ids = self._load(physics)
             nu, count = self.model.nu, len(physics)
             self._views["ctrl"][:count] = control[:, :nu]
@@ -91,7 +92,7 @@ class BatchRunner:
         if controls.shape[1] == 0:
             return np.empty((len(physics), 0, physics.shape[-1]))
         spec = _STATE.mjSTATE_CTRL.value | (_STATE.mjSTATE_QFRC_APPLIED.value if self.external_force else 0)
-        with self._lock, warnings_to(_logger.debug):
+        with self._lock, warnings_to(_logger.debug), without_timers():
             batch, ids = self._load(physics)
             repeated = np.repeat(controls, nstep, axis=1)
             shape = (*repeated.shape[:2], 1 + physics.shape[-1])

@@ -25,6 +25,7 @@ from torch_activegp.diagnosis.simulation.readings import readings
 from torch_activegp.diagnosis.simulation.stepping import Act, Hooks, Show, Stepping
 from torch_activegp.errors import ConfigurationError
 from torch_activegp.physics.effect import Effect, Index
+from torch_activegp.simulators.mujoco_timers import without_timers
 from torch_activegp.simulators.mujoco_warnings import warnings_to
 
 _logger = logging.getLogger(__name__)
@@ -220,7 +221,7 @@ class Engine:
         hooks = Hooks([*self._following(segments, lengths, starts[0]), *acting], showing)
         states = np.empty((rows, intervals + 1, self.state_size))
         states[:, 0] = flat
-        with warnings_to(_logger.debug), np.errstate(all="ignore"):
+        with warnings_to(_logger.debug), without_timers(), np.errstate(all="ignore"):
             middle = 0.5 * (model.opt.integrator == RUNGE_KUTTA)
             Stepping(batch, inputs, fields, edges, steps, self.substeps, hooks, middle).fill(states)
         if self.stride > 1:
