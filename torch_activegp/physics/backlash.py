@@ -176,7 +176,8 @@ class Backlash(Effect):
         if met.any():
             add_rotor(step.field, rows, self.dof, *self._on_joint(met))
         step.force[rows, self.dof] += back + np.where(now != 0.0, self.rotor * (speed - v - apart) / dt, -torque)
-        memory[:] = np.stack([q + off, speed, free, apart, now, dt], axis=1)
+        for column, told in enumerate((q + off, speed, free, apart, now, dt)):
+            memory[:, column] = told
 
     def show(self, qpos: Array, qvel: Array, rows: Index, values: Array, memory: Array | None) -> None:
         """Puts the rotor in place of the joint where the encoder sits on it."""
@@ -210,8 +211,8 @@ class Backlash(Effect):
         return off, faster, side
 
     def _torque(self, ctrl: Array) -> Array:
-        forces = [np.clip(factor * ctrl[..., i] + bias, -most, most) for i, factor, bias, most in self.drives]
-        return np.sum(forces, axis=0)
+        forces = ((factor * ctrl[..., i] + bias, most) for i, factor, bias, most in self.drives)
+        return np.asarray(sum(np.minimum(np.maximum(force, -most), most) for force, most in forces))
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
