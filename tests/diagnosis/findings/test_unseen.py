@@ -65,6 +65,7 @@ def test_a_free_run_that_is_lost_refutes_no_names_that_see_well_ahead(bench, fre
     [
         ((2.0, 2.5), (2.0, 1.0), "free runs"),
         ((2.0, 1.0), (1.3, 1.4), "forecasts by one step"),
+        ((4.9, 1.2), (1.3, 1.4), None),  # a whole run within the noise, far from it without
         ((2.0, 1.0), (1.0, 1.1), None),  # about the noise
         ((2.0, 2.04), (1.3, 1.32), None),  # about the same
     ],

@@ -32,7 +32,7 @@ _SAME_HIGH = (0.8, 1.25)
 _FRESH, _LAGS = 0.12, 15
 """And where what is new correlates with what was new up to so many values before by less: 0.07 for filtered noise, 0.2
 to 0.3 for physics. A periodic error shows after a period."""
-_STRICTLY_HIGH, _STRICTLY_FRESH, _SLOWEST = (0.85, 1.2), 0.07, 0.85
+_STRICTLY_HIGH, _STRICTLY_FRESH, _SLOWEST = (0.85, 1.25), 0.07, 0.85
 """The same behind names where a spectrum should have shown the filter, and the largest pole: a tight loop moved up to
 the rates at which it would, or it showed a quicker filter and too little noise. What was left behind one to three names
 showed 0.94 to 1.12 and 0.06 there; behind none, what they explain showed 1.06 and 0.08, at a pole of 0.94."""
