@@ -49,20 +49,13 @@ class Hysteresis(JointEffect):
             Deflection and last position, ``(rows, 2)``.
         """
         slips, which = np.unique(values[:, 1], return_inverse=True)
-        deflection = np.zeros((len(slips), *positions.shape))
-        for k in range(1, positions.shape[1]):
-            moved = deflection[:, :, k - 1] + (positions[:, k] - positions[:, k - 1])
-            deflection[:, :, k] = np.clip(moved, -slips[:, None], slips[:, None])
         run, row = starts[:, 0], starts[:, 1]
-        return np.stack([deflection[which, run, row], positions[run, row]], axis=1)
+        deflection = _deflections(positions[:, : row.max() + 1], slips[:, None])
+        return np.stack([deflection[row, which, run], positions[run, row]], axis=1)
 
     def path(self, position: Array, values: Array) -> Array:
         """The force along given positions ``(n, T)``, with the slider's deflection zero in the beginning."""
-        deflection = np.zeros_like(position)
-        for k in range(1, position.shape[1]):
-            moved = deflection[:, k - 1] + position[:, k] - position[:, k - 1]
-            deflection[:, k] = np.clip(moved, -values[1], values[1])
-        return -values[0] * deflection
+        return -values[0] * _deflections(position, values[1]).T
 
     def before_step(self, step: Step, rows: Index, values: Array, memory: Array | None) -> None:
         """Moves the slider and adds the spring's force."""
@@ -72,6 +65,16 @@ class Hysteresis(JointEffect):
         memory[:, 0] = np.minimum(np.maximum(moved, -values[:, 1]), values[:, 1])
         memory[:, 1] = position
         step.force[rows, self.dof] -= values[:, 0] * memory[:, 0]
+
+
+def _deflections(position: Array, slip: Array | float) -> Array:
+    """Of sliders along positions ``(n, T)``, zero in the beginning: ``(T, ..., n)``, by slips that broadcast."""
+    now = np.zeros(np.broadcast_shapes(np.shape(slip), position[:, 0].shape))
+    out = [now]
+    for move in np.diff(position).T:
+        now = np.minimum(np.maximum(now + move, -slip), slip)
+        out.append(now)
+    return np.array(out)
 
 
 MEMORY: tuple[type[Effect], ...] = (Hysteresis,)
