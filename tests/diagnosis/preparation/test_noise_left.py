@@ -157,7 +157,7 @@ def test_a_filter_that_the_recordings_would_show_is_no_excuse(clean, monkeypatch
     assert noise_behind(*with_noise(clean, floor, 1e-3, pole)) is None
 
 
-@pytest.mark.parametrize(("shown", "seen"), [(1.0, True), (0.76, False)])
+@pytest.mark.parametrize(("shown", "seen"), [(1.0, True), (1.13, True), (0.76, False)])
 def test_behind_names_what_can_be_a_filter_alone_is_one(clean, monkeypatch, shown: float, seen: bool) -> None:
     """Also where a spectrum should have shown it: a tight loop moves up to the rates at which it would."""
     floor = 1e-3 * np.sqrt((1 - 0.7**2) * high_differences((0.7, 0.0)) / shown)

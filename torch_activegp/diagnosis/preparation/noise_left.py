@@ -35,7 +35,8 @@ to 0.3 for physics. A periodic error shows after a period."""
 _STRICTLY_HIGH, _STRICTLY_FRESH, _SLOWEST = (0.85, 1.25), 0.07, 0.85
 """The same behind names where a spectrum should have shown the filter, and the largest pole: a tight loop moved up to
 the rates at which it would, or it showed a quicker filter and too little noise. What was left behind one to three names
-showed 0.94 to 1.12 and 0.06 there; behind none, what they explain showed 1.06 and 0.08, at a pole of 0.94."""
+showed 0.94 to 1.12 and 0.06 there, and 1.23 and 0.07 beside a floor of a pole of 0.4 for one of 0.65; behind none, what
+they explain showed 1.06 and 0.08, at a pole of 0.94."""
 _LESS_HIGH = (0.2, 1.25)
 """For the variance, beside a motion that high differences see too: a servo's at 250 Hz showed 1.4 and 3.4 times the
 noise."""

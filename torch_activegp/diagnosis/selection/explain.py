@@ -248,10 +248,9 @@ def _finish(
                 tell("naming with the numerics seen behind the effects")
                 rest = besides(first, judged)
                 selection = select(shooting, effects, bare, rest, judged, tell, selection.score.free, start.depth)
-        weak = also_weak(shooting, selection, effects, tell)
-        if weak is selection:
+        before, selection = selection.best, also_weak(shooting, selection, effects, tell)
+        if is_of(before, selection.best.effects):
             break
-        selection = weak
     selection = without_a_step(numerics, engine, shooting, selection)
     if (nameless := nameless_in_finer_steps(numerics, shooting, selection)) is not None:
         return Explanation(nameless[0].engine, *nameless, tuple(effects), fine=True)
