@@ -211,8 +211,10 @@ class Backlash(Effect):
         return off, faster, side
 
     def _torque(self, ctrl: Array) -> Array:
-        forces = ((factor * ctrl[..., i] + bias, most) for i, factor, bias, most in self.drives)
-        return np.asarray(sum(np.minimum(np.maximum(force, -most), most) for force, most in forces))
+        torque = np.zeros(ctrl.shape[:-1])
+        for i, factor, bias, most in self.drives:  # np.clip takes four times as long
+            torque += np.minimum(np.maximum(factor * ctrl[..., i] + bias, -most), most)
+        return torque
 
 
 @dataclasses.dataclass(frozen=True, eq=False)

@@ -72,7 +72,7 @@ def _deflections(position: Array, slip: Array | float) -> Array:
     now = np.zeros(np.broadcast_shapes(np.shape(slip), position[:, 0].shape))
     out = [now]
     for move in np.diff(position).T:
-        now = np.minimum(np.maximum(now + move, -slip), slip)
+        now = np.minimum(np.maximum(now + move, -slip), slip)  # np.clip takes four times as long
         out.append(now)
     return np.array(out)
 

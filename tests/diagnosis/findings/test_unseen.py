@@ -66,6 +66,7 @@ def test_a_free_run_that_is_lost_refutes_no_names_that_see_well_ahead(bench, fre
         ((2.0, 2.5), (2.0, 1.0), "free runs"),
         ((2.0, 1.0), (1.3, 1.4), "forecasts by one step"),
         ((4.9, 1.2), (1.3, 1.4), None),  # a whole run within the noise, far from it without
+        ((30.0, 1.3), (1.3, 1.4), "forecasts by one step"),  # far from it, but not within the noise
         ((2.0, 1.0), (1.0, 1.1), None),  # about the noise
         ((2.0, 2.04), (1.3, 1.32), None),  # about the same
     ],
@@ -75,6 +76,17 @@ def test_names_with_which_forecasts_are_worse_than_without_are_refuted(bench, fr
     why = refutation(foreseeable(said(*free, runs[0].label, step), bench.engine, NOMINAL, runs, start.tolist()))
     assert (why is None) is (worse is None)
     assert why is None or (worse in why and "without" in why)
+
+
+def test_a_joint_that_reaches_the_noise_is_no_excuse_for_one_that_gets_worse(bench) -> None:
+    runs, start = bench.machine.holdout, bench.engine.starts(bench.segments)[:1]
+    hip, knee = (
+        said(*free, runs[0].label, step, joint)["runs"]
+        for free, step, joint in (((30.0, 1.0), (1.3, 1.3), "hip"), ((1.0, 1.35), (1.3, 2.5), "knee"))
+    )
+    why = refutation(foreseeable({"runs": [*hip, *knee]}, bench.engine, NOMINAL, runs, start.tolist()))
+    assert why is not None
+    assert "one step" in why
 
 
 def test_a_run_that_nothing_forecasts_refutes_nothing() -> None:

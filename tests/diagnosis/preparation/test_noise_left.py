@@ -168,6 +168,13 @@ def test_behind_names_what_can_be_a_filter_alone_is_one(clean, monkeypatch, show
     assert (noise_behind(shooting, named) is not None) is seen
 
 
+def test_behind_names_too_what_differences_would_show_louder_is_no_filters(clean) -> None:
+    floor = 1e-3 * np.sqrt((1 - 0.7**2) * high_differences((0.7, 0.0)) / 1.25)  # beside chance: 1.35 times as loud
+    shooting, fit = with_noise(clean, floor, 1e-3, 0.7)
+    named = dataclasses.replace(fit, effects=(clean.effect("viscous_friction"),), values=(np.zeros(1),))
+    assert noise_behind(shooting, named) is None
+
+
 def test_behind_names_a_filter_that_was_taken_for_a_quicker_one_is_seen(clean) -> None:
     """A spectrum above the motion showed a pole of 0.55 and too little noise; high differences see the same of both."""
     level = np.sqrt((1 - 0.8**2) * high_differences((0.8, 0.0)) / high_differences((0.55, 0.0)))

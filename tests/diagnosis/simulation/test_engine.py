@@ -44,6 +44,16 @@ def test_candidates_side_by_side_equal_plain_mujoco(bench) -> None:
         assert np.abs(read[1, s, :, 0] - by_hand(bench, s, damping=0.05)).max() < 0.02 * moved
 
 
+def test_segments_are_simulated_without_mujocos_timers(bench) -> None:
+    read: list[float] = []
+    mujoco.set_mjcb_time(lambda: float(read.append(0.0) or len(read)))
+    try:
+        bench.engine.predict(bench.segments, bench.nominal.starts[None], [NOMINAL])
+    finally:
+        mujoco.set_mjcb_time(None)
+    assert not read
+
+
 def test_an_edited_model_is_put_back(bench) -> None:
     before = bench.predict(NOMINAL)
     loaded = Candidate((bench.effect("payload_mass", "body:rod"),), (np.array([0.5]),))

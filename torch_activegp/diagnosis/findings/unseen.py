@@ -39,8 +39,8 @@ def refutation(entries: Sequence[Mapping[str, Any]]) -> str | None:
     it errs by less than a quarter of what it did without the names, and its free run by half: a motor with its
     friction, 0.16 of the motion away after two seconds for 0.36, was 0.09 away after 0.1 s for 0.69. Nor does one
     step ahead tell where free runs come from far to the noise: behind a filter of the encoders it begins beside the
-    machine.
-    The held-out runs choose no name and no number: they can only take names back.
+    machine, and left 1.33 times the noise for 1.21, where free runs left 1.02 for 4.5. The held-out runs choose no
+    name and no number: they can only take names back.
 
     Args:
         entries: their errors, :func:`foreseeable`.
@@ -53,10 +53,8 @@ def refutation(entries: Sequence[Mapping[str, Any]]) -> str | None:
         lost = kind == "free_run" and after > LOST * noise and after > NO_BETTER * before
         if lost and not (after <= HALF * before and _see_ahead(entries)):
             return f"{far}, {after / noise:.0f} times the noise"
-        if after > WORSE * before and after > SEEN * noise:
+        if after > WORSE * before and after > SEEN * noise and not (kind == "one_step" and _reach_the_noise(entries)):
             return f"{far}, and by {before:.3g} without"
-        if kind == "free_run" and after <= min(SEEN * noise, NO_BETTER * before):
-            break
     return None
 
 
@@ -66,6 +64,13 @@ def _errors(entries: Sequence[Mapping[str, Any]], kind: str) -> tuple[float, flo
         rms(np.array([entry[kind][name] for entry in entries])) for name in ("before", "after", "noise")
     )
     return before, after, noise
+
+
+def _reach_the_noise(entries: Sequence[Mapping[str, Any]]) -> bool:
+    """Whether free runs of all joints go within the noise, and without the names far from it."""
+    before, after, _ = _errors(entries, "free_run")
+    within = all(entry["free_run"]["after"] <= SEEN * entry["free_run"]["noise"] for entry in entries)
+    return within and after <= NO_BETTER * before
 
 
 def _see_ahead(entries: Sequence[Mapping[str, Any]]) -> bool:

@@ -249,7 +249,8 @@ def _finish(
                 rest = besides(first, judged)
                 selection = select(shooting, effects, bare, rest, judged, tell, selection.score.free, start.depth)
         before, selection = selection.best, also_weak(shooting, selection, effects, tell)
-        if is_of(before, selection.best.effects):
+        found = selection.best
+        if set(found.effects) == set(before.effects) and not found.chi2 < _SETTLED * before.chi2:
             break
     selection = without_a_step(numerics, engine, shooting, selection)
     if (nameless := nameless_in_finer_steps(numerics, shooting, selection)) is not None:
