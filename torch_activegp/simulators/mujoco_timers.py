@@ -38,8 +38,9 @@ def without_timers() -> Iterator[None]:
     finally:
         with _lock:
             _found.pop()
-            if len(_found) == 1 and (found := _found.pop()) is not None and clock.value is None:
-                clock.value = found
+            if len(_found) == 1:
+                found = _found.pop()
+                clock.value = clock.value or found
 
 
 @functools.cache
