@@ -160,7 +160,7 @@ def _report(
     if "gp" in models:
         learned = simulator_with(source, machine.channels, models["gp"][1], None, numerics)
     numbers, short = numbers_of(explanation.engine, shooting, chosen, xml is not None and all(held))
-    named = named_effects(explanation, judgement, dict(zip(chosen.effects, held, strict=True)), numbers)
+    named, open_notes = named_effects(explanation, judgement, dict(zip(chosen.effects, held, strict=True)), numbers)
     files: dict[str, str | bytes] = {}
     if xml is not None:
         files["corrected.xml"] = xml
@@ -194,6 +194,7 @@ def _report(
             *search_notes(explanation, machine.model, chosen.effects),
             *_remainder_note(outcome),
             *short,
+            *open_notes,
             *verdict.notes,
         ],
         "rivals": rival_entries(explanation, judgement),

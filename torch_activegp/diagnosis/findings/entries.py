@@ -6,6 +6,7 @@ from typing import Any
 
 import numpy as np
 
+from torch_activegp.diagnosis.findings.open_forms import open_forms, widened
 from torch_activegp.diagnosis.inputs.machine import Machine
 from torch_activegp.diagnosis.result import NamedEffect
 from torch_activegp.diagnosis.selection.explain import Explanation
@@ -19,27 +20,35 @@ _SHOWN = 8
 
 def named_effects(
     explanation: Explanation, judgement: Judgement, held: dict[Any, bool | None], numbers: Fit
-) -> tuple[NamedEffect, ...]:
-    """The named effects, if there are any; `held` says of each whether MJCF holds it, `numbers` has the parameters."""
+) -> tuple[tuple[NamedEffect, ...], list[str]]:
+    """The named effects, if there are any, and notes on those of which the recordings do not tell the form.
+
+    Args:
+        explanation: what was found, and how.
+        judgement: what may be said of it.
+        held: of each effect, whether MJCF holds it.
+        numbers: the chosen set, with the parameters to be given.
+    """
     if judgement.verdict not in ("named", "tie"):
-        return ()
-    values = numbers.by_effect
-    return tuple(
-        NamedEffect(
-            effect.name,
-            effect.target,
-            effect.law_with(values[effect]),
-            share,
-            probability,
-            estimates(explanation.shooting, numbers, effect),
-            ties,
-            held.get(effect, False),
-            effect.too_much(values[effect]),
-        )
-        for effect, share, probability, ties in zip(
-            judgement.named, judgement.shares, judgement.probabilities, judgement.ties, strict=True
-        )
-    )
+        return (), []
+    named, notes = [], []
+    for effect, share, probability, ties in zip(
+        judgement.named, judgement.shares, judgement.probabilities, judgement.ties, strict=True
+    ):
+        values = numbers.by_effect[effect]
+        own = estimates(explanation.shooting, numbers, effect)
+        forms = open_forms(explanation.selection, judgement.fit, effect)
+        parameters, wider = widened(explanation.shooting, own, forms)
+        law, large = effect.law_with(values), effect.too_much(values)
+        mjcf = held.get(effect, False)
+        named.append(NamedEffect(effect.name, effect.target, law, share, probability, parameters, ties, mjcf, large))
+        if wider:
+            laws = dict.fromkeys(form.law_with(fit.by_effect[form]) for form, fit in forms if form in wider)
+            notes.append(
+                f"{effect.name} at {effect.target}: the recordings fit as well with {', or with '.join(laws)}. Its "
+                "interval spans all these; its value is for the law that is given."
+            )
+    return tuple(named), notes
 
 
 def retuned_entries(explanation: Explanation, judgement: Judgement, numbers: Fit) -> list[dict[str, Any]]:
