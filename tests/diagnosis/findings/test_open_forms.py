@@ -22,6 +22,9 @@ def loads(bench):
     """A load that was chosen, with a fourth of it as another form."""
     effect = next(effect for effect in bench.effects if effect.name == "payload_mass")
     fit = bench.shooting.fit([((effect,), (np.array([0.05]),))], bench.nominal.starts)[0]
+    fit = dataclasses.replace(
+        fit, information=1e4 * fit.information, scores=1e2 * fit.scores
+    )  # a hundred times as sure
     other = dataclasses.replace(effect, variant="another", offset=(0.0, 0.1, 0.0))
     rival = dataclasses.replace(fit, effects=(other,), values=(FOURTH * fit.values[0],), chi2=fit.chi2 + 1.0)
     return fit, effect, rival, other
