@@ -64,10 +64,11 @@ def test_a_free_run_that_is_lost_refutes_no_names_that_see_well_ahead(bench, fre
     ("free", "step", "worse"),
     [
         ((2.0, 2.5), (2.0, 1.0), "free runs"),
-        ((2.0, 1.0), (1.3, 1.4), "forecasts by one step"),
-        ((4.9, 1.2), (1.3, 1.4), None),  # a whole run within the noise, far from it without
-        ((20.0, 1.3), (1.3, 1.4), "forecasts by one step"),  # far from it, but not within the noise
-        ((500.0, 20.0), (3.3, 3.5), None),  # a twenty-fifth
+        ((2.0, 1.4), (1.3, 1.4), "forecasts by one step"),
+        ((2.0, 1.3), (1.3, 1.4), None),  # half the way to the noise, beyond it
+        ((8.0, 4.2), (1.3, 1.4), "forecasts by one step"),
+        ((8.0, 4.0), (1.3, 1.4), None),
+        ((0.9, 0.9), (1.3, 1.4), "forecasts by one step"),  # there without the names
         ((2.0, 1.0), (1.0, 1.1), None),  # about the noise
         ((2.0, 2.04), (1.3, 1.32), None),  # about the same
     ],
@@ -83,7 +84,7 @@ def test_a_joint_that_reaches_the_noise_is_no_excuse_for_one_that_gets_worse(ben
     runs, start = bench.machine.holdout, bench.engine.starts(bench.segments)[:1]
     hip, knee = (
         said(*free, runs[0].label, step, joint)["runs"]
-        for free, step, joint in (((300.0, 1.0), (1.3, 1.3), "hip"), ((1.0, 1.35), (1.3, 2.5), "knee"))
+        for free, step, joint in (((30.0, 1.0), (1.3, 1.3), "hip"), ((1.0, 1.35), (1.3, 2.5), "knee"))
     )
     why = refutation(foreseeable({"runs": [*hip, *knee]}, bench.engine, NOMINAL, runs, start.tolist()))
     assert why is not None
