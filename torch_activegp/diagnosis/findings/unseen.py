@@ -73,7 +73,7 @@ def _come_nearer(entries: Sequence[Mapping[str, Any]]) -> bool:
 
     def halved(some: Sequence[Mapping[str, Any]]) -> bool:
         before, after, noise = _errors(some, "free_run")
-        return after**2 - noise**2 <= HALF**2 * (before**2 - noise**2)
+        return max(after**2 - noise**2, 0.0) < HALF**2 * (before**2 - noise**2)
 
     def quiet(some: Sequence[Mapping[str, Any]]) -> bool:
         return all(entry["free_run"]["after"] <= SEEN * entry["free_run"]["noise"] for entry in some)
