@@ -115,6 +115,20 @@ def test_many_names_that_explain_little_of_a_small_mismatch_are_nothing(bench, m
     )
 
 
+@pytest.mark.parametrize(
+    ("damping", "little", "verdict"), [(0.03, 0.5, "named"), (0.01, 0.5, "none"), (0.01, 0.9, "named")]
+)
+def test_what_explains_less_than_half_of_a_small_mismatch_is_not_named(
+    bench, monkeypatch, damping, little, verdict
+) -> None:
+    effect = bench.effect("viscous_friction")
+    some = bench.shooting.fit([((effect,), (np.array([damping]),))], bench.nominal.starts, hold=True)[0]
+    monkeypatch.setattr("torch_activegp.diagnosis.selection.judge.least_gain", lambda *_: 0.0)
+    monkeypatch.setattr("torch_activegp.diagnosis.selection.judge.LITTLE", little)
+    monkeypatch.setattr("torch_activegp.diagnosis.selection.judge.VISIBLE", 1e3)
+    assert judge(bench.shooting, selection(bench, some)).verdict == verdict
+
+
 @pytest.mark.parametrize(("visible", "verdict"), [(1e-3, "unknown"), (1e3, "named")])
 def test_less_may_be_left_where_it_is_large_against_the_noise(bench, monkeypatch, visible, verdict) -> None:
     effect = bench.effect("viscous_friction")

@@ -53,6 +53,9 @@ mismatch of 0.8."""
 SEEN_IN_VAIN = 0.03
 """The same where the search was cut short: after so much of it, nothing on the list leaves noise alone. A friction that
 grows with the load left 0.09 behind Stribeck friction and a spring, at 50 Hz."""
+LITTLE = 0.5
+"""A set that surely leaves more of a mismatch too small to be seen explains none: right ones left 0.06 of it, and 0.39
+that may be noise; a stop and a cogging that stood for a pocket of negative damping 0.71."""
 SURE = 1e-5
 DOUBT, _MAYBE = 0.01, 0.1
 VISIBLE = 0.3
@@ -190,7 +193,7 @@ def judge(shooting: Shooting, selection: Selection) -> Judgement:
     if after.p_value < DOUBT and (unexplained > most or crowded):
         if (crowded and unexplained <= INADEQUATE) or _visible(shooting, nominal, before):
             verdict = "unknown"
-        elif not plain or gained < least_gain(shooting, best, count < MANY):
+        elif not plain or (unexplained > LITTLE and not white) or gained < least_gain(shooting, best, count < MANY):
             return _nameless(shooting, nominal, before, rivals)
     elif after.p_value < _MAYBE and unexplained > INADEQUATE and gained < BEHIND_COLOUR:
         return _nameless(shooting, nominal, before, rivals)
