@@ -12,20 +12,21 @@ from torch_activegp.diagnosis.selection.judge import Omnibus, judge
 from torch_activegp.diagnosis.selection.search import select
 from torch_activegp.diagnosis.selection.weak import also_weak
 from torch_activegp.diagnosis.shooting.likelihood import Shooting
+from torch_activegp.diagnosis.shooting.score import MATERIAL
 from torch_activegp.diagnosis.simulation.candidate import Candidate
 
 NOISE = 1e-4
 NAMES = ("viscous_friction", "constant_force", "linear_spring", "armature_error")
 
 
-def recorded(clean, push: float) -> tuple[Shooting, Selection]:
+def recorded(clean, push: float, level: float = NOISE) -> tuple[Shooting, Selection]:
     """A likelihood of much viscous friction and a weak push, and what is chosen."""
     damping, force = clean.effect("viscous_friction"), clean.effect("constant_force")
     truth = Candidate((damping, force), (np.array([0.03]), np.array([push])))
     own = clean.engine.predict(clean.segments, clean.nominal.starts[None], [truth])[0]
-    noise = NOISE * np.random.default_rng(0).normal(size=own.shape)
+    noise = level * np.random.default_rng(0).normal(size=own.shape)
     segments = dataclasses.replace(clean.segments, position=own + noise)
-    shooting = Shooting(clean.engine, segments, NoiseModel.white(np.array([NOISE])))
+    shooting = Shooting(clean.engine, segments, NoiseModel.white(np.array([level])))
     nominal = shooting.fit([((), ())], clean.nominal.starts)[0]
     return shooting, select(shooting, [clean.effect(name) for name in NAMES], nominal)
 
@@ -41,6 +42,30 @@ def test_what_is_weak_is_named_where_only_noise_is_left_behind_it(clean) -> None
     assert {effect.name for effect in judge(shooting, found).named} == {"viscous_friction", "constant_force"}
     assert stages[0] == "testing what is weak"
     assert {name for name, _ in chosen.best.keys} == {"viscous_friction"}
+
+
+@pytest.mark.parametrize("push", [5e-5, 1.5e-4])
+def test_what_is_weak_is_named_however_little_of_the_whole_it_is(clean, push) -> None:
+    """Where it is seen, and nothing but noise is left behind it: 0.06 of the noise, and half of it."""
+    shooting, chosen = recorded(clean, push, 0.02 * NOISE)
+    left = (chosen.score.scale - 1.0) * shooting.dof / chosen.score.mismatch
+    assert {name for name, _ in chosen.best.keys} == {"viscous_friction"}
+    assert left < 0.5 * weak._MATERIAL
+    found = also_weak(shooting, chosen, [clean.effect(name) for name in NAMES])
+    assert found.best.by_effect[clean.effect("constant_force")][0] == pytest.approx(push, rel=0.3)
+    assert {effect.name for effect in judge(shooting, found).named} == {"viscous_friction", "constant_force"}
+
+
+@pytest.mark.parametrize(
+    ("scale", "part", "looked"), [(1.4, 0.1, True), (2.0, 0.9, True), (2.0, 1.1, False), (5.0, 0.9, False)]
+)
+def test_nothing_weak_is_looked_for_where_more_is_left_than_is_weak(clean, monkeypatch, scale, part, looked) -> None:
+    shooting, chosen = recorded(clean, 0.0025)
+    mismatch = (scale - 1.0) * shooting.dof / (part * MATERIAL)
+    chosen.score = dataclasses.replace(chosen.score, scale=scale, mismatch=mismatch)
+    stages: list[str] = []
+    also_weak(shooting, chosen, [clean.effect(name) for name in NAMES], stages.append)
+    assert bool(stages) is looked
 
 
 def test_what_is_weak_has_no_name_where_more_than_noise_is_left_behind_it(clean, monkeypatch) -> None:

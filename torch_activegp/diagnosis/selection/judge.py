@@ -43,6 +43,9 @@ nothing was missing, and a load of 40 times the machine for a motor that was wir
 CORRECTIONS, SEEN_BEHIND_CORRECTIONS = 5, 0.015
 """And behind so many corrections of a tuning, whatever is left: right names left 0.011 at most on 20 cases, a centre of
 mass that stood for a coupling of two joints 0.021."""
+A_LITTLE = 0.05
+"""Unless it is no more of the noise: a right encoder's offset beside eight corrections left 0.04 of coloured noise,
+which was 0.05 of a mismatch of 0.7."""
 CROWDED = 0.04
 """The same where as many names as are tried leave it."""
 OVERCROWDED = 0.001
@@ -186,7 +189,7 @@ def judge(shooting: Shooting, selection: Selection) -> Judgement:
         (best.chi2 > CLEAR * shooting.dof, SEEN_CLEARLY),
         (best.chi2 > LOUD * shooting.dof, SEEN_LOUD),
         (selection.cut_short, SEEN_IN_VAIN),
-        (len(tuned) >= CORRECTIONS, SEEN_BEHIND_CORRECTIONS),
+        (len(tuned) >= CORRECTIONS and after.excess > A_LITTLE * shooting.dof, SEEN_BEHIND_CORRECTIONS),
     )
     most = min([most, *(share for holds, share in bars if holds)])
     verdict, gained = "tie" if any(ties) else "named", score(nominal) - score(best)

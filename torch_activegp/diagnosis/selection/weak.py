@@ -12,12 +12,15 @@ from torch_activegp.diagnosis.selection.search import Depth, search
 from torch_activegp.diagnosis.shooting.chaining import chained
 from torch_activegp.diagnosis.shooting.fit import Fit
 from torch_activegp.diagnosis.shooting.likelihood import Shooting
+from torch_activegp.diagnosis.shooting.score import MATERIAL, Score
 from torch_activegp.physics.effect import Effect
 
-_MATERIAL = 0.001
-"""Part of the mismatch that is enough for a name here."""
+_MATERIAL, _OF_THE_NOISE = 0.001, 0.02
+"""Part of the mismatch that is enough for a name here, or of the noise where that is less: behind a payload that
+explained all but 0.0006 of it a dry friction was 11 times the noise, and behind a spring a drag of 0.0002 was 0.05."""
 _NEAR_NOISE = 1.5
-"""Times the noise: where no set comes closer to it, none leaves noise alone."""
+"""Times the noise: where no set comes closer to it, and more is left than a weak effect explains, none leaves noise
+alone."""
 _NEARLY = 0.25
 """Part of what was left that may be left behind what is weak, where even little is seen to be no noise: behind the
 Stribeck part of a friction 7400 of 7900 in chi2 were gone, of a mismatch of two million, and the rest still showed; of
@@ -54,17 +57,20 @@ def also_weak(
         with more parameters; or one that scores better by what is worth a name anyway.
     """
     best, score = selection.best, selection.score
-    if not best.effects or score.scale > _NEAR_NOISE or score.least < score.a_parameter or selection.cut_short:
+    too_much = (score.scale - 1.0) * shooting.dof > MATERIAL * score.mismatch
+    far = score.inadequate or (score.scale > _NEAR_NOISE and too_much)
+    if not best.effects or far or score.least < score.a_parameter or selection.cut_short:
         return selection
     if any(effect.needs_past for effect in best.effects):
         return selection
     before = omnibus(shooting, best)
+    cheaper = _cheaper(score, shooting.dof)
     if before.p_value > SURE:
-        return _told_apart(selection)
+        return _told_apart(selection, cheaper)
     tell("testing what is weak")
     _unstuck(shooting, selection)
     weak = dataclasses.replace(selection, fits=list(selection.fits), developed=set())
-    weak.score = dataclasses.replace(score, material=_MATERIAL)
+    weak.score = cheaper
     search(weak, shooting, effects, tell, _DEPTH.counted_from(shooting.work))
     _unstuck(shooting, weak)
     weak.cut_short = selection.cut_short  # this one looks for more than is promised
@@ -75,9 +81,14 @@ def also_weak(
     return _with_better(selection, weak.fits, shooting.dof)
 
 
-def _told_apart(selection: Selection) -> Selection:
+def _cheaper(score: Score, dof: int) -> Score:
+    """The score at the price of what is weak."""
+    return dataclasses.replace(score, material=min(_MATERIAL, _OF_THE_NOISE * dof / max(score.mismatch, 1e-300)))
+
+
+def _told_apart(selection: Selection, cheaper: Score) -> Selection:
     """With the price of what is weak where, by that, a law takes the place of one in the best set that it contains."""
-    weak = dataclasses.replace(selection, score=dataclasses.replace(selection.score, material=_MATERIAL))
+    weak = dataclasses.replace(selection, score=cheaper)
     best, found = selection.best, weak.best
     pair = in_place(best, found)
     if pair is None or not contains(pair[1], pair[0]) or found.size <= best.size:
