@@ -39,6 +39,12 @@ def test_in_words(result) -> None:
     ]
 
 
+@pytest.mark.parametrize(("share", "told"), [(0.0, "0%"), (0.0006, "under 1%"), (0.01, "1%"), (1.0, "100%")])
+def test_little_is_not_nothing(result, share: float, told: str) -> None:
+    effect = dataclasses.replace(result.effects[0], share=share, ties=())
+    assert str(dataclasses.replace(result, effects=(effect,))).endswith(f"; explains {told}")
+
+
 def test_what_was_fitted_along_is_said(result) -> None:
     along = [{"name": "viscous_friction", "target": "joint:knee", "parameters": {}}]
     found = dataclasses.replace(result, details={**result.details, "retuned": along})

@@ -154,6 +154,11 @@ class Stability:
         return {**plain, "left_out": list(self.left_out), "effects": [_listed(e) for e in plain["effects"]]}
 
 
+def _part(share: float) -> str:
+    """A share in per cent; little is not nothing."""
+    return "under 1%" if 0.0 < share < 0.01 else f"{share:.0%}"
+
+
 def _listed(values: dict[str, Any]) -> dict[str, Any]:
     return {key: list(value) if isinstance(value, tuple) else value for key, value in values.items()}
 
@@ -191,7 +196,7 @@ class Diagnosis:
             values = ", ".join(f"{name} {estimate}" for name, estimate in effect.parameters.items())
             ties = "".join(f"; or {name} at {target}" for name, target in effect.ties)
             excess = "; the simulator has too much of it" if effect.too_much else ""
-            lines.append(f"  {effect.name} at {effect.target}: {values}; explains {effect.share:.0%}{excess}{ties}")
+            lines.append(f"  {effect.name} at {effect.target}: {values}; explains {_part(effect.share)}{excess}{ties}")
         along = [f"{effect['name']} at {effect['target']}" for effect in self.details.get("retuned", ())]
         lines += [f"  fitted along and not named: {', '.join(along)}"] if along else []
         if self.stability is not None and not self.stability.sound:

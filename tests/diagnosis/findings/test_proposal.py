@@ -25,17 +25,27 @@ def proposed(bench, *fits, **changed):
 
 
 def test_where_all_rivals_are_ruled_out_the_least_certain_parameter_is_measured(bench, wet) -> None:
-    entry, text = proposed(bench, wet)
+    entry, text = proposed(bench, wet, white=True)
     assert entry["separates"][0].startswith("coefficient of viscous_friction at joint:hip 0.0")
     assert entry["why"].startswith("nothing need be recorded: no rival is left")
     assert "standard error" in entry["why"]
     assert text.startswith("time,ctrl.drive")
+    entry, _ = proposed(bench, wet, white=False)
+    assert entry["why"].startswith("no rival is left")
 
 
-@pytest.mark.parametrize(("error", "first"), [(0.01, "nothing need be recorded: no rival"), (0.03, "no rival is left")])
-def test_what_is_known_well_need_not_be_recorded_again(wet, error: float, first: str) -> None:
+@pytest.mark.parametrize(
+    ("error", "white", "first"),
+    [
+        (0.01, True, "nothing need be recorded: no rival"),
+        (0.03, True, "no rival is left"),
+        (0.01, False, "no rival is left"),
+    ],
+)
+def test_what_is_known_well_need_not_be_recorded_again(wet, error: float, white: bool, first: str) -> None:
+    """Where only noise is left; else something is missing yet."""
     (coefficient,) = wet.values[0]
-    found = least_certain(wet, np.array([[(error * coefficient) ** 2]]))
+    found = least_certain(wet, np.array([[(error * coefficient) ** 2]]), white=white)
     assert found is not None
     assert found[1].sentence(1.0).startswith(first)
 

@@ -59,20 +59,24 @@ def propose(
     if not certain:
         return None
     open_ones = bool(others) or any(judgement.ties)
-    ends = least_certain(judgement.fit, covariance(shooting, judgement.fit), _UNTOLD if open_ones else _SETTLED)
+    before = _UNTOLD if open_ones else _SETTLED
+    ends = least_certain(judgement.fit, covariance(shooting, judgement.fit), before, judgement.white)
     if ends is None:
         return None
     fits, telling = ends
     return next_experiment(engine, fits, runs, shooting.noise, seed, shooting.differences, telling)
 
 
-def least_certain(fit: Fit, covariance: Array, before: str = _SETTLED) -> tuple[list[Fit], Telling] | None:
+def least_certain(
+    fit: Fit, covariance: Array, before: str = _SETTLED, white: bool = True
+) -> tuple[list[Fit], Telling] | None:
     """A fit with its least certain parameter at either end of its interval, the others following.
 
     Args:
         fit: of a set.
         covariance: of its parameters, ``(P, P)``.
         before: what is said first, of the rivals.
+        white: whether what is left is noise; else something is missing yet, and nobody says that the data are enough.
 
     Returns:
         Two fits, and what telling them apart tells; None where no parameter is known at all.
@@ -90,7 +94,8 @@ def least_certain(fit: Fit, covariance: Array, before: str = _SETTLED) -> tuple[
     where = f"{effect.name} at {effect.target}"
     what = f"{parameter.name} of {where}"
     unit = "" if parameter.unit == "1" else f" {parameter.unit}".rstrip()
-    before = f"nothing need be recorded: {before}" if before == _SETTLED and relative[place] < _WELL_KNOWN else before
+    enough = white and before == _SETTLED and relative[place] < _WELL_KNOWN
+    before = f"nothing need be recorded: {before}" if enough else before
 
     def sentence(gain: float) -> str:
         share = max(1.0 / np.sqrt(1.0 + gain / (2.0 * _ENDS) ** 2), _MOST)
