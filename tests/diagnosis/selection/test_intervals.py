@@ -123,6 +123,20 @@ def test_what_is_alike_within_a_recording_widens_the_interval(bench) -> None:
     assert covariance(dataclasses.replace(shooting, segments=fewer), fit) == pytest.approx(without)
 
 
+@pytest.mark.parametrize(("last", "counts"), [(4, True), (3, True), (2, True), (1, False)])
+def test_the_spread_of_few_recordings_is_widened_by_what_they_do_not_say_of_it(bench, last, counts) -> None:
+    """With one degree of freedom less than there are recordings, and three at least."""
+    shooting, fit = _recorded(bench, np.random.default_rng(1), 5, 8, np.array([1.0, 2.0, 1.0, 0.5, 3.0]), alike=1.0)
+    run = np.minimum(shooting.segments.run, last)
+    shooting = dataclasses.replace(shooting, segments=dataclasses.replace(shooting.segments, run=run))
+    sums, inverse = np.zeros((last + 1, 2)), np.linalg.inv(fit.information)
+    np.add.at(sums, run, fit.scores)
+    spread = ((sums @ inverse)[:, 0] ** 2).sum() * (last + 1) / last
+    farther = stats.t.ppf(0.975, last) / stats.t.ppf(0.975, 40 - 2)
+    found, without = covariance(shooting, fit, widened=True), covariance(shooting, fit, recordings=False)
+    assert found[0, 0] == pytest.approx(farther**2 * spread if counts else without[0, 0])
+
+
 def test_one_recording_that_says_most_widens_no_interval(bench) -> None:
     excitement, ratios = np.array([1.0, 1.0, 30.0, 1.0, 1.0]), []
     for seed in range(20):

@@ -18,16 +18,17 @@ _LEVEL = 0.975
 _ALONE = 0.9999
 """Of a normal distribution: the only name must be 4 standard errors from nothing, for some hundred are tried. Of 158
 only names one was of nothing, on a valve that sticks, at 2.8; the least certain true one was at 6.8."""
-_RECORDINGS = 4
-"""Fewer recordings say little of their spread. Where they differ and nothing else counts, 95 % intervals cover 86 %
-with four of them and 92 % with twelve."""
+_RECORDINGS, _FEWEST = 4, 3
+"""Fewer recordings say little of their spread; where it is widened for that, fewer than three do. Where they differ by
+half the noise, 95 % intervals cover 86 % with four of them and 93 % with eight; widened 95 % with four to eight, 94 %
+with three, and 98 % where they do not differ."""
 _NOTHING = 1e-200
 """A variance below is none: nothing that was recorded depends on the parameter."""
 _WIDEST, _UNSEEN = 5.0, 150.0
 """Ends at most 150 times the value away: more says no more."""
 
 
-def covariance(shooting: Shooting, fit: Fit, recordings: bool = True) -> Array:
+def covariance(shooting: Shooting, fit: Fit, recordings: bool = True, widened: bool = False) -> Array:
     """Covariance of the parameters of a fit, ``(P, P)``.
 
     The largest, parameter by parameter, of three estimates: the inverse information times the variance that is left;
@@ -38,8 +39,13 @@ def covariance(shooting: Shooting, fit: Fit, recordings: bool = True) -> Array:
         shooting: the likelihood.
         fit: the set.
         recordings: whether the third one counts.
+        widened: whether that one is as much larger as Student's t with one degree of freedom less than there are
+            recordings is farther out than with those of segments. Without it 95 % intervals held the truth in 47 of 62
+            numbers of the proof from four or five recordings, and in 53 of 57 from six to eight.
 
     References:
+        Cameron, Gelbach, Miller, *Bootstrap-Based Improvements for Inference with Clustered Errors*, Review of
+        Economics and Statistics 90 (2008), section II.
         White, *Maximum Likelihood Estimation of Misspecified Models*, Econometrica 50 (1982).
         Liang, Zeger, *Longitudinal Data Analysis Using Generalized Linear Models*, Biometrika 73 (1986).
     """
@@ -51,10 +57,11 @@ def covariance(shooting: Shooting, fit: Fit, recordings: bool = True) -> Array:
     if size > fit.size + 2:
         variances.append(size / (size - fit.size) * _sandwich(fit.scores, inverse))
     runs, index = np.unique(shooting.segments.run, return_inverse=True)
-    if recordings and len(runs) >= _RECORDINGS:
+    if recordings and len(runs) >= (_FEWEST if widened else _RECORDINGS):
         scores = np.zeros((len(runs), fit.size))
         np.add.at(scores, index, fit.scores)
-        variances.append(len(runs) / (len(runs) - 1) * _sandwich(scores, inverse))
+        farther = _t(len(runs) - 1) / _t(_free(shooting, fit)) if widened else 1.0
+        variances.append(farther**2 * len(runs) / (len(runs) - 1) * _sandwich(scores, inverse))
     seen = variances[0] > _NOTHING
     ratio = np.sqrt(np.divide(np.maximum.reduce(variances), variances[0], out=np.ones(len(seen)), where=seen))
     return plain * np.outer(ratio, ratio)
@@ -105,18 +112,25 @@ def _free(shooting: Shooting, fit: Fit) -> int:
     return max(shooting.segments.size - fit.size, 3)
 
 
+def _t(free: int) -> float:
+    """Quantile of Student's t for a 95 % interval."""
+    return float(stats.t.ppf(_LEVEL, free))
+
+
 def _sandwich(scores: Array, inverse: Array) -> Array:
     """Variances of the parameters ``(P,)`` by independent scores ``(N, P)``."""
     return np.asarray(((scores @ inverse) ** 2).sum(axis=0))
 
 
-def standard_errors(shooting: Shooting, fit: Fit, effect: Effect, recordings: bool = True) -> dict[str, float]:
+def standard_errors(
+    shooting: Shooting, fit: Fit, effect: Effect, recordings: bool = True, widened: bool = False
+) -> dict[str, float]:
     """Standard errors of the parameters of one effect of a fit as its users know them (delta method).
 
     See :func:`covariance` for the arguments.
     """
     values, where = fit.by_effect[effect], _columns(fit, effect)
-    block = covariance(shooting, fit, recordings)[where, where]
+    block = covariance(shooting, fit, recordings, widened)[where, where]
     center = effect.describe(values)
     steps = 1e-4 * np.maximum(np.abs(values), [p.scale for p in effect.parameters])
     moved = [effect.describe(values + step) for step in np.diag(steps)]
@@ -132,8 +146,8 @@ def estimates(shooting: Shooting, fit: Fit, effect: Effect) -> dict[str, Estimat
 
     Intervals by the logarithm: Meeker, Escobar, *Statistical Methods for Reliability Data* (1998).
     """
-    wide = float(stats.t.ppf(_LEVEL, _free(shooting, fit)))
-    errors = standard_errors(shooting, fit, effect)
+    wide = _t(_free(shooting, fit))
+    errors = standard_errors(shooting, fit, effect, widened=True)
     center = effect.describe(fit.values[fit.effects.index(effect)])
     out = {}
     for i, (name, value) in enumerate(center.items()):
