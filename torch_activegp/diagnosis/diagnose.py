@@ -20,6 +20,7 @@ from torch_activegp.diagnosis.findings.proposal import propose
 from torch_activegp.diagnosis.findings.reconsider import reconsider
 from torch_activegp.diagnosis.findings.remainder import Outcome, model_remainder
 from torch_activegp.diagnosis.findings.short_steps import numbers_of
+from torch_activegp.diagnosis.findings.unseen import is_predictable, marked
 from torch_activegp.diagnosis.findings.verdict import Verdict, decide
 from torch_activegp.diagnosis.findings.words import sentence, unforeseen
 from torch_activegp.diagnosis.inputs.blackbox import accelerations
@@ -146,7 +147,9 @@ def _report(
         models["gp"] = (engine, outcome.on(chosen.candidate))
     holdout, traces = compare(models, machine.holdout, machine.channels.joints, shooting.noise)
     starts = [trace["start_after"] for trace in traces[:: len(machine.channels.joints)]]
-    others = reconsider(machine, explanation, verdict, chosen, holdout, starts)
+    calm = is_predictable(engine, chosen.candidate, machine.holdout, starts)
+    holdout, wild_notes = marked(holdout, machine.holdout, calm.tolist())
+    others = reconsider(machine, explanation, verdict, chosen, holdout)
     if others is not None:
         return _report(source, machine, *others, seed, say)
     say("writing the correction", 0.99)
@@ -195,6 +198,7 @@ def _report(
             *_remainder_note(outcome),
             *short,
             *open_notes,
+            *wild_notes,
             *verdict.notes,
         ],
         "rivals": rival_entries(explanation, judgement),

@@ -16,7 +16,8 @@ FAR, NEAR = 30.0, 1.1
 def held_out(before: float, after: float) -> dict:
     """Errors of the held-out run in units of its noise."""
     errors = {"before": 0.01 * before, "after": 0.01 * after, "noise": 0.01}
-    return {"runs": [{"run": "kept", "channel": "qpos.hip", "free_run": errors, "one_step": errors}]}
+    entry = {"run": "kept", "channel": "qpos.hip", "free_run": errors, "one_step": errors}
+    return {"runs": [{**entry, "predictable": True}]}
 
 
 @pytest.fixture
@@ -35,9 +36,9 @@ def verdict(explanation) -> Verdict:
 def test_names_stand_unless_the_held_out_runs_speak_against_them(
     bench, explanation, verdict, before, after, lost
 ) -> None:
-    starts, named = bench.engine.starts(bench.segments)[:1].tolist(), verdict.judgement.fit
+    named = verdict.judgement.fit
     assert verdict.judgement.verdict == "named"
-    said = reconsider(bench.machine, explanation, verdict, named, held_out(before, after), starts)
+    said = reconsider(bench.machine, explanation, verdict, named, held_out(before, after))
     assert (said is not None) is lost
     if said is not None:
         assert said[0] is explanation
@@ -47,10 +48,10 @@ def test_names_stand_unless_the_held_out_runs_speak_against_them(
 
 def test_names_that_leave_much_are_taken_back_where_a_column_is_in_doubt(bench, explanation, verdict) -> None:
     machine = dataclasses.replace(bench.machine, doubts=("ctrl.drive may be in mN m.",))
-    starts, named = bench.engine.starts(bench.segments)[:1].tolist(), verdict.judgement.fit
+    named = verdict.judgement.fit
     loud = dataclasses.replace(named, chi2=200.0 * bench.shooting.dof)
-    assert reconsider(machine, explanation, verdict, named, held_out(FAR, NEAR), starts) is None
-    said = reconsider(machine, explanation, verdict, loud, held_out(FAR, NEAR), starts)
+    assert reconsider(machine, explanation, verdict, named, held_out(FAR, NEAR)) is None
+    said = reconsider(machine, explanation, verdict, loud, held_out(FAR, NEAR))
     assert said is not None
     assert "a column is in doubt" in said[1].notes[-1]
 
@@ -61,9 +62,8 @@ def test_names_that_leave_much_are_taken_back_where_a_column_is_in_doubt(bench, 
 )
 def test_without_a_name_held_out_runs_must_not_be_far_off(bench, explanation, verdict, before, given, other) -> None:
     nothing = dataclasses.replace(verdict.judgement, verdict=given, fit=bench.nominal)
-    starts = bench.engine.starts(bench.segments)[:1].tolist()
     before_it = Verdict(nothing, None, ("a note",))
-    said = reconsider(bench.machine, explanation, before_it, bench.nominal, held_out(before, before), starts)
+    said = reconsider(bench.machine, explanation, before_it, bench.nominal, held_out(before, before))
     assert (None if said is None else said[1].judgement.verdict) == other
     if said is not None:
         assert "but not those held out: the free run of kept" in said[1].unforeseen

@@ -19,15 +19,14 @@ from torch_activegp.diagnosis.shooting.fit import Fit
 from torch_activegp.diagnosis.shooting.likelihood import Shooting
 from torch_activegp.diagnosis.shooting.point import FAILED
 from torch_activegp.diagnosis.shooting.score import Score
-from torch_activegp.diagnosis.simulation.candidate import NOMINAL
 
 
-def said(free: float, step: float, run: str) -> dict:
+def said(free: float, step: float, predictable: bool = True) -> dict:
     """Held-out errors of two joints without any name, in parts of the motion, with noise of 0.02."""
 
     def entry(joint: str, free: float, step: float) -> dict:
         errors = {"free_run": {"before": free, "noise": 0.02}, "one_step": {"before": step, "noise": 0.02}}
-        return {"run": run, "channel": f"qpos.{joint}", **errors}
+        return {"run": "kept", "channel": f"qpos.{joint}", "predictable": predictable, **errors}
 
     return {"runs": [entry("knee", 0.02, 0.02), entry("hip", free, step)]}
 
@@ -42,32 +41,25 @@ def said(free: float, step: float, run: str) -> dict:
     ],
 )
 def test_held_out_runs_far_above_the_noise_are_a_surprise(bench, free, step, words) -> None:
-    runs, start = bench.machine.holdout, bench.engine.starts(bench.segments)[:1]
-    assert runs[0].label == "kept"
-    why = surprise(foreseeable(said(free, step, "kept"), bench.engine, NOMINAL, runs, start.tolist()), bench.shooting)
+    why = surprise(foreseeable(said(free, step)), bench.shooting)
     assert (why is None) is (words is None)
     assert why is None or words in why
-    assert (
-        surprise(foreseeable(said(free, step, "another"), bench.engine, NOMINAL, runs, start.tolist()), bench.shooting)
-        is None
-    )
+    assert surprise(foreseeable(said(free, step, predictable=False)), bench.shooting) is None
 
 
 def test_a_joint_that_stands_still_has_no_motion_to_be_off_by(bench) -> None:
-    runs, start = bench.machine.holdout, bench.engine.starts(bench.segments)[:1]
     errors = {"before": 9.0, "noise": 1.0}
     entry = {"run": "kept", "channel": "qpos.hip", "free_run": errors, "one_step": {"before": 1.0, "noise": 1.0}}
-    why = surprise(foreseeable({"runs": [entry]}, bench.engine, NOMINAL, runs, start.tolist()), bench.shooting)
+    why = surprise([entry], bench.shooting)
     assert why is not None
     assert "the free run of kept is off by 9 times the noise of qpos.hip, which stands still there." in why
 
 
 def test_where_noise_may_be_louder_than_its_floor_more_is_no_surprise(bench) -> None:
-    runs, start = bench.machine.holdout, bench.engine.starts(bench.segments)[:1]
-    held_out = said(0.08, 0.02, "kept")
+    held_out = foreseeable(said(0.08, 0.02))
     coloured = dataclasses.replace(bench.shooting, noise=NoiseModel(bench.shooting.noise.scale, np.array([[0.6, 0.0]])))
-    assert surprise(foreseeable(held_out, bench.engine, NOMINAL, runs, start.tolist()), bench.shooting) is not None
-    assert surprise(foreseeable(held_out, bench.engine, NOMINAL, runs, start.tolist()), coloured) is None
+    assert surprise(held_out, bench.shooting) is not None
+    assert surprise(held_out, coloured) is None
 
 
 @pytest.fixture

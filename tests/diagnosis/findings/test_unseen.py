@@ -8,7 +8,7 @@ import pytest
 
 from torch_activegp.data import Recording
 from torch_activegp.diagnosis import diagnose
-from torch_activegp.diagnosis.findings.unseen import foreseeable, is_predictable, refutation, taken_back
+from torch_activegp.diagnosis.findings.unseen import foreseeable, is_predictable, marked, refutation, taken_back
 from torch_activegp.diagnosis.findings.verdict import decide
 from torch_activegp.diagnosis.inputs.machine import Machine, make_machine
 from torch_activegp.diagnosis.selection.compared import Selection
@@ -22,19 +22,18 @@ DOUBLE = """<mujoco><option timestep="0.002" integrator="RK4"/><worldbody>
 </body></body></worldbody></mujoco>"""
 
 
-def said(before: float, after: float, run: str, step: tuple[float, float] = (2.0, 1.0), joint: str = "hip") -> dict:
+def said(before: float, after: float, step: tuple[float, float] = (2.0, 1.0), joint: str = "hip") -> list[dict]:
     """Held-out errors of one run, beside noise of 1."""
     free, one = ({"before": first, "after": last, "noise": 1.0} for first, last in ((before, after), step))
-    return {"runs": [{"run": run, "channel": f"qpos.{joint}", "free_run": free, "one_step": one}]}
+    return [{"run": "kept", "channel": f"qpos.{joint}", "free_run": free, "one_step": one}]
 
 
 @pytest.mark.parametrize(
     ("before", "after", "lost"),
     [(30.0, 4.9, False), (30.0, 9.0, True), (4.0, 6.0, True), (900.0, 40.0, False)],  # the last: a quiet encoder
 )
-def test_what_leaves_much_more_than_noise_and_is_little_better_is_refuted(bench, before, after, lost: bool) -> None:
-    runs, start = bench.machine.holdout, bench.engine.starts(bench.segments)[:1]
-    why = refutation(foreseeable(said(before, after, runs[0].label), bench.engine, NOMINAL, runs, start.tolist()))
+def test_what_leaves_much_more_than_noise_and_is_little_better_is_refuted(before, after, lost: bool) -> None:
+    why = refutation(said(before, after))
     assert (why is not None) is lost
     assert why is None or "times the noise" in why
 
@@ -49,15 +48,12 @@ def test_what_leaves_much_more_than_noise_and_is_little_better_is_refuted(bench,
         ((30.0, 9.0), (1e9, 9.0), True),  # a simulation that failed without them
     ],
 )
-def test_a_free_run_that_is_lost_refutes_no_names_that_see_well_ahead(bench, free, step, lost: bool) -> None:
+def test_a_free_run_that_is_lost_refutes_no_names_that_see_well_ahead(free, step, lost: bool) -> None:
     """What nothing holds goes far by little, in a while. Names with which it is worse are refuted all the same."""
-    runs, start = bench.machine.holdout, bench.engine.starts(bench.segments)[:1]
-    held_out = said(*free, runs[0].label, step)
-    why = refutation(foreseeable(held_out, bench.engine, NOMINAL, runs, start.tolist()))
-    assert (why is not None) is lost
-    other = said(20.0, 9.0, runs[0].label, (9.0, 8.0), "knee")  # a joint that does not speaks against them
-    both = {"runs": [*held_out["runs"], *other["runs"]]}
-    assert refutation(foreseeable(both, bench.engine, NOMINAL, runs, start.tolist())) is not None
+    held_out = said(*free, step)
+    assert (refutation(held_out) is not None) is lost
+    other = said(20.0, 9.0, (9.0, 8.0), "knee")  # a joint that does not speaks against them
+    assert refutation([*held_out, *other]) is not None
 
 
 @pytest.mark.parametrize(
@@ -73,25 +69,23 @@ def test_a_free_run_that_is_lost_refutes_no_names_that_see_well_ahead(bench, fre
         ((2.0, 2.04), (1.3, 1.32), None),  # about the same
     ],
 )
-def test_names_with_which_forecasts_are_worse_than_without_are_refuted(bench, free, step, worse) -> None:
-    runs, start = bench.machine.holdout, bench.engine.starts(bench.segments)[:1]
-    why = refutation(foreseeable(said(*free, runs[0].label, step), bench.engine, NOMINAL, runs, start.tolist()))
+def test_names_with_which_forecasts_are_worse_than_without_are_refuted(free, step, worse) -> None:
+    why = refutation(said(*free, step))
     assert (why is None) is (worse is None)
     assert why is None or (worse in why and "without" in why)
 
 
-def test_a_joint_that_reaches_the_noise_is_no_excuse_for_one_that_gets_worse(bench) -> None:
-    runs, start = bench.machine.holdout, bench.engine.starts(bench.segments)[:1]
+def test_a_joint_that_reaches_the_noise_is_no_excuse_for_one_that_gets_worse() -> None:
     hip, knee = (
-        said(*free, runs[0].label, step, joint)["runs"]
+        said(*free, step, joint)
         for free, step, joint in (((30.0, 1.0), (1.3, 1.3), "hip"), ((1.0, 1.35), (1.3, 2.5), "knee"))
     )
-    why = refutation(foreseeable({"runs": [*hip, *knee]}, bench.engine, NOMINAL, runs, start.tolist()))
+    why = refutation([*hip, *knee])
     assert why is not None
     assert "one step" in why
 
 
-def test_a_run_that_nothing_forecasts_refutes_nothing() -> None:
+def test_a_run_in_which_a_small_change_grows_is_not_predictable() -> None:
     """A double pendulum that turns over doubles an error of its initial state twice a second.
 
     Its forecast may have left the recording for where it is calm, or the other way round.
@@ -107,11 +101,22 @@ def test_a_run_that_nothing_forecasts_refutes_nothing() -> None:
     engine = Engine(model, substeps=5, channels=recorded(0.1).channels)
     wild, calm = [2.5, 0.1, 0.0, 0.0], [0.1, 0.1, 0.0, 0.0]
     for runs, starts, tells in (([low], [calm], True), ([low], [wild], False), ([high], [calm], False)):
-        assert is_predictable(engine, NOMINAL, runs, np.array(starts)).tolist() == [tells]
-        assert (
-            refutation(foreseeable(said(30.0, 20.0, runs[0].label), engine, NOMINAL, runs, starts)) is not None
-        ) == tells
+        assert is_predictable(engine, NOMINAL, runs, starts).tolist() == [tells]
     assert is_predictable(engine, NOMINAL, [high, low], np.array([calm, calm])).tolist() == [False, True]
+
+
+def test_a_run_that_nothing_forecasts_refutes_nothing_and_a_note_says_so(bench) -> None:
+    (kept,) = bench.machine.holdout
+    runs = [kept, dataclasses.replace(kept, label="wild")]
+    held_out = {"runs": [*said(30.0, 1.0), *({**entry, "run": "wild"} for entry in said(30.0, 20.0))], "free_run": {}}
+    found, notes = marked(held_out, runs, [True, False])
+    assert (found["free_run"], [entry["predictable"] for entry in found["runs"]]) == ({}, [True, False])
+    assert refutation(foreseeable(found)) is None
+    (note,) = notes
+    assert note.startswith("wild: a small change of the state grows more than a hundredfold within the run")
+    found, notes = marked(held_out, runs, [True, True])
+    assert notes == []
+    assert refutation(foreseeable(found)) is not None
 
 
 def test_without_its_names_a_verdict_is_unknown_and_says_why(bench) -> None:

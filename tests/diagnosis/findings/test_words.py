@@ -5,9 +5,10 @@ import pytest
 from torch_activegp.diagnosis.findings.words import sentence
 from torch_activegp.diagnosis.result import Estimate, NamedEffect
 
+CALM = [{"predictable": True}]
 LEFT = {"share": 0.05, "white": True, "chi2_per_dof": 1.0}
 ERROR = {
-    "fit": {"holdout": {"free_run": {"before": 0.1234, "after": 0.01, "noise": 0.009}}},
+    "fit": {"holdout": {"free_run": {"before": 0.1234, "after": 0.01, "noise": 0.009}, "runs": CALM}},
     "location": [],
     "unexplained": LEFT,
 }
@@ -53,16 +54,25 @@ def test_unknown_says_what_came_closest(targets, share, ending) -> None:
 
 def test_unknown_says_what_a_learned_force_gains() -> None:
     free = {"before": 1.14, "after": 1.14, "gp": 0.1084, "noise": 0.0024}
-    text = sentence("unknown", (), {**ERROR, "fit": {"holdout": {"free_run": free}}})
+    text = sentence("unknown", (), {**ERROR, "fit": {"holdout": {"free_run": free, "runs": CALM}}})
     assert text.endswith(
         "explains it; with a force learned from the recordings (learned.pt) the free-run error on held-out runs goes "
         "from 1.14 to 0.108 (noise 0.0024)."
     )
 
 
+def test_where_no_run_can_be_forecast_freely_errors_are_those_by_one_step() -> None:
+    free, step = {"before": 44.8, "after": 34.9, "noise": 0.0085}, {"before": 0.09, "after": 0.009, "noise": 0.0085}
+    for last, words in ((False, "the one-step error on held-out runs falls from 0.09"), (True, "the free-run error")):
+        held_out = {"free_run": free, "one_step": step, "runs": [{"predictable": False}, {"predictable": last}]}
+        assert words in sentence("named", [named("a", 0.9)], {**ERROR, "fit": {"holdout": held_out}})
+
+
 def test_unknown_says_nothing_of_a_learned_force_that_changes_nothing() -> None:
     free = {"before": 1.141, "after": 1.141, "gp": 1.1405, "noise": 0.0024}
-    assert sentence("unknown", (), {**ERROR, "fit": {"holdout": {"free_run": free}}}).endswith("explains it.")
+    assert sentence("unknown", (), {**ERROR, "fit": {"holdout": {"free_run": free, "runs": CALM}}}).endswith(
+        "explains it."
+    )
 
 
 def test_named_effects_are_listed_with_what_they_explain_together() -> None:
@@ -91,13 +101,16 @@ def test_ties_of_several_effects_are_told_apart() -> None:
 
 
 def test_an_error_that_grows_is_not_said_to_fall() -> None:
-    worse = {"fit": {"holdout": {"free_run": {"before": 0.1, "after": 0.2, "noise": 0.009}}}, "unexplained": LEFT}
+    worse = {
+        "fit": {"holdout": {"free_run": {"before": 0.1, "after": 0.2, "noise": 0.009}, "runs": CALM}},
+        "unexplained": LEFT,
+    }
     assert "rises from 0.1 to 0.2" in sentence("named", [named("a", 0.9)], worse)
 
 
 def test_an_error_that_hardly_changes_stays() -> None:
     same = {
-        "fit": {"holdout": {"free_run": {"before": 0.02251, "after": 0.02253, "noise": 0.009}}},
+        "fit": {"holdout": {"free_run": {"before": 0.02251, "after": 0.02253, "noise": 0.009}, "runs": CALM}},
         "unexplained": LEFT,
     }
     assert "held-out runs stays at 0.0225 (noise" in sentence("named", [named("a", 0.9)], same)

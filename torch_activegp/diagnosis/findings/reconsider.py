@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from typing import Any
 
 from torch_activegp.diagnosis.findings.doubts import reservation
@@ -20,7 +20,6 @@ def reconsider(
     verdict: Verdict,
     chosen: Fit,
     holdout: Mapping[str, Any],
-    starts: Sequence[Sequence[float]],
 ) -> tuple[Explanation, Verdict] | None:
     """What is to be said instead, where the held-out runs, or doubts, speak against a verdict; None where nothing does.
 
@@ -29,16 +28,11 @@ def reconsider(
         explanation: the sets.
         verdict: what would be said.
         chosen: the set whose names would be.
-        holdout: errors on the held-out runs.
-        starts: fitted initial states of these.
+        holdout: errors on the held-out runs, :func:`~torch_activegp.diagnosis.findings.unseen.marked`.
     """
-    shooting, engine, runs = explanation.shooting, explanation.engine.without_leapfrog(), machine.holdout
-
-    def entries() -> list[Mapping[str, Any]]:
-        return foreseeable(holdout, engine, chosen.candidate, runs, starts)
-
+    shooting, entries = explanation.shooting, foreseeable(holdout)
     if chosen.effects:
-        why = reservation(shooting, chosen, machine.doubts) or refutation(entries())
+        why = reservation(shooting, chosen, machine.doubts) or refutation(entries)
         return None if why is None else (explanation, taken_back(verdict, why))
-    why = surprise(entries(), shooting) if verdict.judgement.verdict == "none" else None
-    return None if why is None else seen_there(explanation, verdict, runs, why)
+    why = surprise(entries, shooting) if verdict.judgement.verdict == "none" else None
+    return None if why is None else seen_there(explanation, verdict, machine.holdout, why)

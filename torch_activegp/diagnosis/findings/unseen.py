@@ -94,29 +94,36 @@ def _see_ahead(entries: Sequence[Mapping[str, Any]]) -> bool:
     return bool(steps) and sound and all(after <= NO_BETTER * before for before, after, _ in steps)
 
 
-def foreseeable(
-    holdout: Mapping[str, Any],
-    engine: Engine,
-    candidate: Candidate,
-    runs: Sequence[Run],
-    starts: Sequence[Sequence[float]],
-) -> list[Mapping[str, Any]]:
+def foreseeable(holdout: Mapping[str, Any]) -> list[Mapping[str, Any]]:
     """The errors of those held-out runs that can be forecast.
 
     Args:
-        holdout: of all, as :func:`~torch_activegp.diagnosis.findings.forecast.compare` gives them.
-        engine: simulates.
-        candidate: the named effects.
-        runs: the held-out runs, S.
-        starts: their fitted initial states, ``(S, nq + nv)``.
+        holdout: of all, as :func:`~torch_activegp.diagnosis.findings.forecast.compare` gives them, :func:`marked`.
     """
-    calm = is_predictable(engine, candidate, runs, np.asarray(starts))
-    wild = {run.label for run, sound in zip(runs, calm, strict=True) if not sound}
-    known = {run.label for run in runs} - wild
-    return [entry for entry in holdout["runs"] if entry["run"] in known]
+    return [entry for entry in holdout["runs"] if entry["predictable"]]
 
 
-def is_predictable(engine: Engine, candidate: Candidate, runs: Sequence[Run], starts: Array) -> NDArray[np.bool_]:
+def marked(holdout: Mapping[str, Any], runs: Sequence[Run], calm: Sequence[bool]) -> tuple[dict[str, Any], list[str]]:
+    """The errors of held-out runs with whether each can be forecast, and a note on those that cannot.
+
+    Args:
+        holdout: of all, as :func:`~torch_activegp.diagnosis.findings.forecast.compare` gives them.
+        runs: the held-out runs, S.
+        calm: of each, :func:`is_predictable`.
+    """
+    sound = {run.label: bool(one) for run, one in zip(runs, calm, strict=True)}
+    entries = [{**entry, "predictable": sound[entry["run"]]} for entry in holdout["runs"]]
+    wild = [label for label, calm in sound.items() if not calm]
+    notes = [
+        f"{', '.join(wild)}: a small change of the state grows more than a hundredfold within the run, so that no "
+        "simulator forecasts it freely, however right. Errors of free runs say nothing there; those by one step do."
+    ]
+    return {**holdout, "runs": entries}, notes if wild else []
+
+
+def is_predictable(
+    engine: Engine, candidate: Candidate, runs: Sequence[Run], starts: Array | Sequence[Sequence[float]]
+) -> NDArray[np.bool_]:
     """Whether a small change of any position or speed stays small until the end of a run, ``(S,)``.
 
     From its begin, and from where the machine was recorded later on: a free run that has left the recording may be

@@ -43,10 +43,10 @@ def sentence(
         ("has too much", [e for e in effects if e.too_much]),
     ]
     wrong = " and ".join(f"{verb} {_joined([_with_values(effect) for effect in some])}" for verb, some in parts if some)
-    error = details["fit"]["holdout"]["free_run"]
+    kind, error = _measure(details)
     before, after = (f"{error[key]:.3g}" for key in ("before", "after"))
     moves = f"{'falls' if error['after'] <= error['before'] else 'rises'} from {before} to {after}"
-    better = f"with it, the free-run error on held-out runs {moves if before != after else f'stays at {after}'}"
+    better = f"with it, the {kind} error on held-out runs {moves if before != after else f'stays at {after}'}"
     noise = f"(noise {error['noise']:.2g})"
     text = f"The simulator {wrong}, explaining {share:.0%} of the mismatch; {better} {noise}"
     if verdict == "tie":
@@ -110,16 +110,23 @@ def _doubted(doubts: Sequence[str]) -> str:
 
 def _learned(details: Mapping[str, Any]) -> str:
     """How much a learned force changes, where there is one and it does."""
-    error = details["fit"]["holdout"]["free_run"]
+    kind, error = _measure(details)
     if error.get("gp") is None:
         return ""
     before, after = (f"{error[key]:.3g}" for key in ("before", "gp"))
     if before == after:
         return ""
     return (
-        f"; with a force learned from the recordings (learned.pt) the free-run error on held-out runs goes from "
+        f"; with a force learned from the recordings (learned.pt) the {kind} error on held-out runs goes from "
         f"{before} to {after} (noise {error['noise']:.2g})"
     )
+
+
+def _measure(details: Mapping[str, Any]) -> tuple[str, Mapping[str, float]]:
+    """The errors on held-out runs that tell: of free runs, or by one step where no run can be forecast freely."""
+    holdout = details["fit"]["holdout"]
+    wild = not any(entry["predictable"] for entry in holdout["runs"])
+    return ("one-step", holdout["one_step"]) if wild else ("free-run", holdout["free_run"])
 
 
 def _rest(details: Mapping[str, Any]) -> str:
