@@ -184,6 +184,18 @@ def test_the_sentence_comes_first_then_effects_ties_errors_and_files(run: Run, f
     assert (call["seed"], call["nthread"]) == (3, 0)
 
 
+@pytest.mark.parametrize(
+    ("share", "words"),
+    [
+        (0.033, "Nothing explains it; the effects that come closest leave 3.3 % of the mismatch."),
+        (1.0, "Not explained: 100 % of the mismatch."),
+    ],
+)
+def test_without_a_name_it_is_said_what_comes_closest_leaves(run: Run, folder: Path, fake: Fake, share, words) -> None:
+    fake.found |= {"verdict": "unknown", "effects": [], "unexplained": {"share": share, "white": False}}
+    assert words in run("diagnose", "slide.xml", "a.csv").stdout.replace("\u00a0", " ")
+
+
 def test_what_is_said_early_is_not_said_again(run: Run, folder: Path, fake: Fake) -> None:
     fake.found["notes"] = ["No ctrl.drive; taken as 0.", "The search ended early."]
     fake.early = ("No ctrl.drive; taken as 0.",)

@@ -21,6 +21,20 @@ def test_points(fakes: Any, verdict: str, point: str) -> None:
     assert any(point in found for found in unknowns(*fakes[verdict]()).content["points"])
 
 
+def test_without_a_name_it_is_said_what_comes_closest_leaves() -> None:
+    points = unknowns({"verdict": "unknown", "unexplained": {"share": 0.033, "white": False}}, {}).content["points"]
+    assert "What makes up the mismatch: the effects that come closest leave 3.3\u00a0% of it." in points
+
+
+@pytest.mark.parametrize("share", [1.0, 0.12])
+def test_what_is_left_and_no_noise_is_said(share: float) -> None:
+    left = {"share": share, "white": False}
+    effects = [{"name": "cogging", "target": "joint:a"}] if share < 1.0 else []
+    points = unknowns({"verdict": "named", "effects": effects, "unexplained": left}, {}).content["points"]
+    told = f"{100 * share:.0f}\u00a0% left unexplained: it still has structure, so it is not noise"
+    assert any(told in point for point in points)
+
+
 def test_the_next_recording(fakes: Any) -> None:
     section = unknowns(*fakes["tie"]())
     assert section.heading == "What these recordings cannot tell, and the one that would"

@@ -177,7 +177,9 @@ def _show(found: Values) -> None:
     _show_effects(found)
     rest = (found.get("unexplained") or {}).get("share")
     if is_number(rest) and found.get("verdict") != "none":
-        _say(f"Not explained: {percent(rest)} of the mismatch.")
+        closest = not found.get("effects") and rest < 1.0
+        lead = "Nothing explains it; the effects that come closest leave" if closest else "Not explained:"
+        _say(f"{lead} {percent(rest)} of the mismatch.")
     held_out = (found.get("fit") or {}).get("holdout") or {}
     if any(held_out.get(key) for key in FORECASTS):
         _say("Errors on held-out recordings, in standard deviations of what was measured:")

@@ -36,6 +36,8 @@ def _rest(diagnosis: Values) -> list[str]:
     share, white = left.get("share"), left.get("white")
     if diagnosis["verdict"] == "none" or not is_number(share):
         return []
+    if not diagnosis.get("effects") and share < 1.0:
+        return [f"What makes up the mismatch: the effects that come closest leave {percent(share)} of it."]
     if white is False:
         return [f"What makes up the {percent(share)} left unexplained: it still has structure, so it is not noise."]
     if share >= _MUCH:
