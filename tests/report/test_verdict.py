@@ -30,6 +30,14 @@ def test_key_figures(fakes: Any) -> None:
     assert top["subject"] == "Simulator arm.xml \u00b7 6 runs fitted (28.8 s) \u00b7 2 runs held out (9.6 s)"
 
 
+def test_where_a_run_cannot_be_forecast_freely_the_figure_is_the_error_by_one_step(fakes: Any) -> None:
+    diagnosis, _ = fakes["named"]()
+    diagnosis["fit"]["holdout"] |= {"one_step": {"before": 0.2, "after": 0.1}, "runs": [{"predictable": False}]}
+    (figure,) = banner(diagnosis)["figures"][2:]
+    assert figure["label"] == "one-step error, held-out runs"
+    assert figure["value"].replace("\u00a0", " ") == "20 % \u2192 10 %"
+
+
 @pytest.mark.parametrize(
     ("chance", "left", "said"),
     [

@@ -12,6 +12,7 @@ from torch_activegp.report.words import (
     explained,
     listed,
     place_name,
+    telling,
 )
 
 COULOMB = {"name": "coulomb_friction", "target": "joint:elbow", "share": 0.91}
@@ -25,6 +26,14 @@ def test_effects_in_words() -> None:
     assert effects_text([COULOMB, GAIN]) == "Coulomb friction at joint elbow and actuator gain at actuator m1"
     assert effects_text([]) == "the simulator as it is"
     assert place_name("body:my:arm") == "body my:arm"
+
+
+@pytest.mark.parametrize(
+    ("runs", "kind"),
+    [(None, "free_run"), ([{}, {"predictable": True}], "free_run"), ([{"predictable": False}, {}], "one_step")],
+)
+def test_errors_of_free_runs_tell_where_all_can_be_forecast(runs: list | None, kind: str) -> None:
+    assert telling({"runs": runs}) == kind
 
 
 def test_lists_and_counts() -> None:

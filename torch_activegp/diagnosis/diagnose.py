@@ -147,8 +147,10 @@ def _report(
         models["gp"] = (engine, outcome.on(chosen.candidate))
     holdout, traces = compare(models, machine.holdout, machine.channels.joints, shooting.noise)
     starts = [trace["start_after"] for trace in traces[:: len(machine.channels.joints)]]
-    calm = is_predictable(engine, chosen.candidate, machine.holdout, starts)
-    holdout, wild_notes = marked(holdout, machine.holdout, calm.tolist())
+    wild_notes: list[str] = []
+    if judgement.verdict != "unknown":  # of a simulator that is known to be wrong it says nothing
+        calm = is_predictable(engine, chosen.candidate, machine.holdout, starts)
+        holdout, wild_notes = marked(holdout, machine.holdout, calm.tolist())
     others = reconsider(machine, explanation, verdict, chosen, holdout)
     if others is not None:
         return _report(source, machine, *others, seed, say)

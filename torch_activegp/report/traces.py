@@ -10,6 +10,7 @@ from torch_activegp.report.axis import Axis, axis_over
 from torch_activegp.report.chart import Chart, band, line
 from torch_activegp.report.numbers import is_number, number, percent, quantity
 from torch_activegp.report.section import Section, Values
+from torch_activegp.report.words import telling
 
 _FIRST = 3
 _MOST = 24
@@ -44,7 +45,7 @@ def traces(diagnosis: Values, evidence: Values) -> Section | None:
 
 
 def _heading(diagnosis: Values, holdout: Values) -> str:
-    error = holdout.get("free_run") or {}
+    error = holdout.get(telling(holdout)) or {}
     before, after, noise = (error.get(key) for key in ("before", "after", "noise"))
     if diagnosis["verdict"] == "none" and is_number(before):
         return f"On runs that it never saw, the simulator is off by {percent(before)} of the motion"

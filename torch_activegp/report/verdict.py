@@ -7,7 +7,7 @@ from typing import Any
 from torch_activegp.errors import DataError
 from torch_activegp.report.numbers import is_number, misfit, number, p_value, percent
 from torch_activegp.report.section import Values
-from torch_activegp.report.words import belief, counted, explained
+from torch_activegp.report.words import belief, counted, explained, telling
 
 _RARE = 0.01
 """Part of all repeats below which what is left is not called what noise leaves: of 9 controls by another integrator
@@ -92,7 +92,9 @@ def _explained(diagnosis: Values) -> dict[str, str] | None:
 def _forecasts(diagnosis: Values) -> list[dict[str, str]]:
     holdout = ((diagnosis.get("fit") or {}).get("holdout")) or {}
     found = []
-    for key, label in (("free_run", "free-run error, held-out runs"), ("one_step", "one-step error, held-out runs")):
+    kinds = {"free_run": "free-run error, held-out runs", "one_step": "one-step error, held-out runs"}
+    first = telling(holdout)
+    for key, label in sorted(kinds.items(), key=lambda kind: kind[0] != first):
         error = holdout.get(key) or {}
         before, after = error.get("before"), error.get("after")
         if not is_number(before):

@@ -68,6 +68,11 @@ def bic_word(difference: float) -> str:
     return next((word for bound, word in _BIC_WORDS if difference >= bound), "as good")
 
 
+def telling(holdout: Mapping[str, Any]) -> str:
+    """Which errors on held-out runs tell: of free runs, or by one step where some cannot be forecast freely."""
+    return "free_run" if all(run.get("predictable", True) for run in holdout.get("runs") or []) else "one_step"
+
+
 def explained(effects: Sequence[Mapping[str, Any]]) -> float:
     """Share of the mismatch that the effects explain together, at most 1."""
     return min(1.0, sum(effect.get("share") or 0.0 for effect in effects))

@@ -37,7 +37,9 @@ def compared(bench, *fits, scale: float = 1.0) -> Selection:
 
 def test_a_form_that_fits_as_well_is_open(bench, loads) -> None:
     fit, effect, rival, other = loads
-    assert open_forms(compared(bench, fit, rival), fit, effect) == [(other, rival)]
+    stuck = dataclasses.replace(rival, chi2=rival.chi2 + 1.0)
+    resting = dataclasses.replace(rival, chi2=fit.chi2, at_rest=True)
+    assert open_forms(compared(bench, fit, stuck, rival, resting), fit, effect) == [(other, rival)]
 
 
 @pytest.mark.parametrize(("worse", "scale", "count"), [(3.8, 1.0, 1), (3.9, 1.0, 0), (3.9, 1.1, 1)])
@@ -97,5 +99,8 @@ def test_the_note_gives_the_laws_between_which_nothing_decides(bench, loads) -> 
     ]
     alone = SimpleNamespace(shooting=bench.shooting, selection=compared(bench, fit))
     (kept,), none = named_effects(alone, judgement, {effect: True}, fit)
+    assert none == []
+    sharp = dataclasses.replace(fit)  # the numbers of shorter steps are compared with none of longer ones
+    (kept,), none = named_effects(explanation, judgement, {effect: True}, sharp)
     assert none == []
     assert kept.parameters == estimates(bench.shooting, fit, effect)

@@ -34,6 +34,12 @@ def test_where_all_rivals_are_ruled_out_the_least_certain_parameter_is_measured(
     assert entry["why"].startswith("no rival is left")
 
 
+def test_where_another_form_does_as_well_nothing_is_settled(bench, wet) -> None:
+    other = dataclasses.replace(wet, effects=(dataclasses.replace(wet.effects[0], variant="another"),))
+    entry, _ = proposed(bench, wet, other, white=True)
+    assert entry["why"].startswith("no controls were found that would tell")
+
+
 @pytest.mark.parametrize(
     ("error", "white", "first"),
     [

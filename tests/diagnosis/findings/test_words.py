@@ -61,10 +61,10 @@ def test_unknown_says_what_a_learned_force_gains() -> None:
     )
 
 
-def test_where_no_run_can_be_forecast_freely_errors_are_those_by_one_step() -> None:
+def test_where_some_runs_cannot_be_forecast_freely_errors_are_those_by_one_step() -> None:
     free, step = {"before": 44.8, "after": 34.9, "noise": 0.0085}, {"before": 0.09, "after": 0.009, "noise": 0.0085}
     for last, words in ((False, "the one-step error on held-out runs falls from 0.09"), (True, "the free-run error")):
-        held_out = {"free_run": free, "one_step": step, "runs": [{"predictable": False}, {"predictable": last}]}
+        held_out = {"free_run": free, "one_step": step, "runs": [{}, {"predictable": last}]}
         assert words in sentence("named", [named("a", 0.9)], {**ERROR, "fit": {"holdout": held_out}})
 
 

@@ -37,15 +37,15 @@ def named_effects(
     ):
         values = numbers.by_effect[effect]
         own = estimates(explanation.shooting, numbers, effect)
-        forms = open_forms(explanation.selection, judgement.fit, effect)
+        forms = open_forms(explanation.selection, judgement.fit, effect) if numbers is judgement.fit else []
         parameters, wider = widened(explanation.shooting, own, forms)
         law, large = effect.law_with(values), effect.too_much(values)
         mjcf = held.get(effect, False)
         named.append(NamedEffect(effect.name, effect.target, law, share, probability, parameters, ties, mjcf, large))
-        if wider:
-            laws = dict.fromkeys(form.law_with(fit.by_effect[form]) for form, fit in forms if form in wider)
+        laws = dict.fromkeys(form.law_with(fit.by_effect[form]) for form, fit in forms if form in wider)
+        if others := [one for one in laws if one != law]:
             notes.append(
-                f"{effect.name} at {effect.target}: the recordings fit as well with {', or with '.join(laws)}. Its "
+                f"{effect.name} at {effect.target}: the recordings fit as well with {', or with '.join(others)}. Its "
                 "interval spans all these; its value is for the law that is given."
             )
     return tuple(named), notes

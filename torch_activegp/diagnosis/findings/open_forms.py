@@ -38,9 +38,9 @@ def open_forms(selection: Selection, fit: Fit, effect: Effect) -> list[Form]:
     """
     others = set(fit.effects) - {effect}
     found: dict[Effect, Fit] = {}
-    for rival in selection.fits:
+    for rival in sorted(selection.fits, key=lambda one: one.chi2):
         rest = set(rival.effects) - others
-        if len(rival.effects) != len(fit.effects) or len(rest) != 1 or not rival.plausible:
+        if len(rival.effects) != len(fit.effects) or len(rest) != 1 or rival.at_rest or not rival.plausible:
             continue
         form = rest.pop()
         other = form is not effect and form.key == effect.key and len(form.parameters) <= len(effect.parameters)

@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 
 from torch_activegp.diagnosis.findings.experiment import Telling, next_experiment
+from torch_activegp.diagnosis.findings.open_forms import open_forms
 from torch_activegp.diagnosis.inputs.runs import Array, Run
 from torch_activegp.diagnosis.selection.explain import Explanation
 from torch_activegp.diagnosis.selection.intervals import covariance
@@ -58,9 +59,11 @@ def propose(
             return found
     if not certain:
         return None
-    open_ones = bool(others) or any(judgement.ties)
+    fit, selection = judgement.fit, explanation.selection
+    forms = any(open_forms(selection, fit, effect) for effect in judgement.named)
+    open_ones = bool(others) or any(judgement.ties) or forms
     before = _UNTOLD if open_ones else _SETTLED
-    ends = least_certain(judgement.fit, covariance(shooting, judgement.fit), before, judgement.white)
+    ends = least_certain(fit, covariance(shooting, fit, widened=True), before, judgement.white)
     if ends is None:
         return None
     fits, telling = ends

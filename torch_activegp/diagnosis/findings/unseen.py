@@ -39,10 +39,10 @@ def refutation(entries: Sequence[Mapping[str, Any]]) -> str | None:
     free run is lost by a force of any size that is left, so that those of a joint say nothing where one step ahead
     it errs by less than a quarter of what it did without the names, and its free run by half: a motor with its
     friction, 0.16 of the motion away after two seconds for 0.36, was 0.09 away after 0.1 s for 0.69. Nor does one
-    step ahead tell where free runs of each joint go to the noise, or half the way there: behind a filter of the
-    encoders it begins beside the machine. It left 1.33 times the noise for 1.21, 3.5 for 3.3 and 2.14 for 2.02 with
-    three right sets, whose free runs left 1.02 for 4.5, 8 for 480 and 1.14 for 1.96. The held-out runs choose no name
-    and no number: they can only take names back.
+    step ahead tell where free runs of each joint go to the noise, or half the way there, as they do of all together:
+    behind a filter of the encoders it begins beside the machine. It left 1.33 times the noise for 1.21, 3.5 for 3.3
+    and 2.14 for 2.02 with three right sets, whose free runs left 1.02 for 4.5, 8 for 480 and 1.14 for 1.96. The
+    held-out runs choose no name and no number: they can only take names back.
 
     Args:
         entries: their errors, :func:`foreseeable`.
@@ -73,7 +73,7 @@ def _come_nearer(entries: Sequence[Mapping[str, Any]]) -> bool:
 
     def halved(some: Sequence[Mapping[str, Any]]) -> bool:
         before, after, noise = _errors(some, "free_run")
-        return max(after**2 - noise**2, 0.0) < HALF**2 * (before**2 - noise**2)
+        return before < FAILED and max(after**2 - noise**2, 0.0) < HALF**2 * (before**2 - noise**2)
 
     def quiet(some: Sequence[Mapping[str, Any]]) -> bool:
         return all(entry["free_run"]["after"] <= SEEN * entry["free_run"]["noise"] for entry in some)
@@ -100,7 +100,7 @@ def foreseeable(holdout: Mapping[str, Any]) -> list[Mapping[str, Any]]:
     Args:
         holdout: of all, as :func:`~torch_activegp.diagnosis.findings.forecast.compare` gives them, :func:`marked`.
     """
-    return [entry for entry in holdout["runs"] if entry["predictable"]]
+    return [entry for entry in holdout["runs"] if entry.get("predictable", True)]
 
 
 def marked(holdout: Mapping[str, Any], runs: Sequence[Run], calm: Sequence[bool]) -> tuple[dict[str, Any], list[str]]:
@@ -111,13 +111,15 @@ def marked(holdout: Mapping[str, Any], runs: Sequence[Run], calm: Sequence[bool]
         runs: the held-out runs, S.
         calm: of each, :func:`is_predictable`.
     """
-    sound = {run.label: bool(one) for run, one in zip(runs, calm, strict=True)}
-    entries = [{**entry, "predictable": sound[entry["run"]]} for entry in holdout["runs"]]
-    wild = [label for label, calm in sound.items() if not calm]
+    entries = holdout["runs"]  # as many of each run, one after the other
+    each = np.repeat(np.asarray(calm), len(entries) // len(runs)).tolist()
+    wild = [run.label for run, sound in zip(runs, calm, strict=True) if not sound]
     notes = [
-        f"{', '.join(wild)}: a small change of the state grows more than a hundredfold within the run, so that no "
-        "simulator forecasts it freely, however right. Errors of free runs say nothing there; those by one step do."
+        f"{', '.join(wild)}: by the simulator a small change of the state grows more than a hundredfold within the "
+        "run, so that it cannot be forecast freely for so long. Errors of free runs say nothing there; those by one "
+        "step do."
     ]
+    entries = [{**entry, "predictable": sound} for entry, sound in zip(entries, each, strict=True)]
     return {**holdout, "runs": entries}, notes if wild else []
 
 

@@ -123,9 +123,9 @@ def _learned(details: Mapping[str, Any]) -> str:
 
 
 def _measure(details: Mapping[str, Any]) -> tuple[str, Mapping[str, float]]:
-    """The errors on held-out runs that tell: of free runs, or by one step where no run can be forecast freely."""
+    """The errors on held-out runs that tell: of free runs, or by one step where some cannot be forecast freely."""
     holdout = details["fit"]["holdout"]
-    wild = not any(entry["predictable"] for entry in holdout["runs"])
+    wild = not all(entry.get("predictable", True) for entry in holdout["runs"])
     return ("one-step", holdout["one_step"]) if wild else ("free-run", holdout["free_run"])
 
 

@@ -68,7 +68,7 @@ def covariance(shooting: Shooting, fit: Fit, recordings: bool = True, widened: b
 
 
 def is_certain(shooting: Shooting, fit: Fit, effects: Sequence[Effect], alone: bool = False) -> bool:
-    """Whether the amplitudes of some effects are not all zero, with the confidence of their intervals (an F test).
+    """Whether the amplitudes of some effects are not all zero, as sure as intervals that are not widened (an F test).
 
     Where noise is not what the likelihood says, chi2 may gain by chance what only this shows: on a machine that
     strikes, a damping gained 70, at 1.9 standard errors. It is asked of laws with amplitudes alone: the stiffness of a

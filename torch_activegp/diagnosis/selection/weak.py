@@ -83,7 +83,7 @@ def also_weak(
 
 def _cheaper(score: Score, dof: int) -> Score:
     """The score at the price of what is weak."""
-    return dataclasses.replace(score, material=min(_MATERIAL, _OF_THE_NOISE * dof / max(score.mismatch, 1e-300)))
+    return dataclasses.replace(score, material=min(_MATERIAL, _OF_THE_NOISE * dof / score.mismatch))
 
 
 def _told_apart(selection: Selection, cheaper: Score) -> Selection:
