@@ -44,14 +44,17 @@ def test_what_is_weak_is_named_where_only_noise_is_left_behind_it(clean) -> None
     assert {name for name, _ in chosen.best.keys} == {"viscous_friction"}
 
 
-@pytest.mark.parametrize("push", [5e-5, 1.5e-4])
-def test_what_is_weak_is_named_however_little_of_the_whole_it_is(clean, push) -> None:
-    """Where it is seen, and nothing but noise is left behind it: 0.06 of the noise, and half of it."""
+@pytest.mark.parametrize(("push", "enough"), [(4e-5, False), (5e-5, True), (1.5e-4, True)])
+def test_what_is_weak_is_named_however_little_of_the_whole_it_is(clean, push, enough) -> None:
+    """Where it is seen, half of the noise, and nothing but noise is left behind it; not for a little in chi2."""
     shooting, chosen = recorded(clean, push, 0.02 * NOISE)
     left = (chosen.score.scale - 1.0) * shooting.dof / chosen.score.mismatch
     assert {name for name, _ in chosen.best.keys} == {"viscous_friction"}
     assert left < 0.5 * weak._MATERIAL
     found = also_weak(shooting, chosen, [clean.effect(name) for name in NAMES])
+    if not enough:
+        assert found.best.keys == chosen.best.keys
+        return
     assert found.best.by_effect[clean.effect("constant_force")][0] == pytest.approx(push, rel=0.3)
     assert {effect.name for effect in judge(shooting, found).named} == {"viscous_friction", "constant_force"}
 

@@ -15,9 +15,10 @@ from torch_activegp.diagnosis.shooting.likelihood import Shooting
 from torch_activegp.diagnosis.shooting.score import MATERIAL, Score
 from torch_activegp.physics.effect import Effect
 
-_MATERIAL, _OF_THE_NOISE = 0.001, 0.02
+_MATERIAL, _OF_THE_NOISE, _SURELY = 0.001, 0.02, 150.0
 """Part of the mismatch that is enough for a name here, or of the noise where that is less: behind a payload that
-explained all but 0.0006 of it a dry friction was 11 times the noise, and behind a spring a drag of 0.0002 was 0.05."""
+explained all but 0.0006 of it a dry friction was 11 times the noise, and behind a spring a drag of 0.0002 was 0.05. And
+chi2 at least, of a name with one parameter: on few rows a cogging gained 65 by how a joint sticks."""
 _NEAR_NOISE = 1.5
 """Times the noise: where no set comes closer to it, and more is left than a weak effect explains, none leaves noise
 alone."""
@@ -83,7 +84,8 @@ def also_weak(
 
 def _cheaper(score: Score, dof: int) -> Score:
     """The score at the price of what is weak."""
-    return dataclasses.replace(score, material=min(_MATERIAL, _OF_THE_NOISE * dof / score.mismatch))
+    some = max(_OF_THE_NOISE * dof, _SURELY)
+    return dataclasses.replace(score, material=min(_MATERIAL, some / score.mismatch))
 
 
 def _told_apart(selection: Selection, cheaper: Score) -> Selection:
