@@ -29,7 +29,7 @@ def test_a_worse_correction_is_not_praised(fakes: Any) -> None:
 def test_where_a_run_cannot_be_forecast_freely_the_error_is_that_by_one_step(fakes: Any) -> None:
     diagnosis, evidence = fakes["unknown"]()
     diagnosis["fit"]["holdout"] |= {"one_step": {"before": 0.2, "after": 0.1}, "runs": [{"predictable": False}]}
-    assert "falls from 20\u00a0% to 10\u00a0%" in traces(diagnosis, evidence).heading
+    assert "the error by one step falls from 20\u00a0% to 10\u00a0%" in traces(diagnosis, evidence).heading
 
 
 @pytest.mark.parametrize(

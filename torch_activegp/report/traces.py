@@ -45,7 +45,8 @@ def traces(diagnosis: Values, evidence: Values) -> Section | None:
 
 
 def _heading(diagnosis: Values, holdout: Values) -> str:
-    error = holdout.get(telling(holdout)) or {}
+    kind = telling(holdout)
+    error, what = holdout.get(kind) or {}, "the error" if kind == "free_run" else "the error by one step"
     before, after, noise = (error.get(key) for key in ("before", "after", "noise"))
     if diagnosis["verdict"] == "none" and is_number(before):
         return f"On runs that it never saw, the simulator is off by {percent(before)} of the motion"
@@ -54,12 +55,12 @@ def _heading(diagnosis: Values, holdout: Values) -> str:
     if is_number(learned := error.get("gp")) and learned < after:
         step = "" if after >= before else f" to {percent(after)}, and with a learned force"
         verb = "falls" if step else "falls with a learned force"
-        return f"On runs that the fit never saw, the error {verb} from {percent(before)}{step} to {percent(learned)}"
+        return f"On runs that the fit never saw, {what} {verb} from {percent(before)}{step} to {percent(learned)}"
     verb = "falls" if after < before else "goes"
     if is_number(noise) and noise > 0.0 and after <= _NEAR * noise:
         level = "the noise" if after <= _AT * noise else f"{number(after / noise, 2)} times the noise"
-        return f"On runs that the fit never saw, the error {verb} from {percent(before)} to {level}, {percent(after)}"
-    return f"On runs that the fit never saw, the error {verb} from {percent(before)} to {percent(after)}"
+        return f"On runs that the fit never saw, {what} {verb} from {percent(before)} to {level}, {percent(after)}"
+    return f"On runs that the fit never saw, {what} {verb} from {percent(before)} to {percent(after)}"
 
 
 def _rows(run: Values) -> list[dict[str, Any]]:
