@@ -22,7 +22,7 @@ from torch_activegp.experiments.recorded import fitted_by_mistake, load_apart
 from torch_activegp.experiments.workers import one_thread
 from torch_activegp.report import write_report
 from torch_activegp.report.numbers import MISSING, estimate, is_number, number, percent, unit_text
-from torch_activegp.report.words import listed
+from torch_activegp.report.words import listed, only_closest
 
 if TYPE_CHECKING:
     from torch_activegp.diagnosis import Checkpoint
@@ -177,8 +177,8 @@ def _show(found: Values) -> None:
     _show_effects(found)
     rest = (found.get("unexplained") or {}).get("share")
     if is_number(rest) and found.get("verdict") != "none":
-        closest = not found.get("effects") and rest < 1.0
-        lead = "Nothing explains it; the effects that come closest leave" if closest else "Not explained:"
+        closest = "Nothing explains it; the effects that come closest leave"
+        lead = closest if only_closest(found, rest) else "Not explained:"
         _say(f"{lead} {percent(rest)} of the mismatch.")
     held_out = (found.get("fit") or {}).get("holdout") or {}
     if any(held_out.get(key) for key in FORECASTS):

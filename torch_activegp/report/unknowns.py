@@ -7,7 +7,7 @@ from typing import Any
 from torch_activegp.report.numbers import is_number, percent
 from torch_activegp.report.reading import holds_nothing, nothing
 from torch_activegp.report.section import Section, Values
-from torch_activegp.report.words import capital, effect_name, effect_text, listed
+from torch_activegp.report.words import capital, effect_name, effect_text, listed, only_closest
 
 _MUCH = 0.05
 
@@ -36,7 +36,7 @@ def _rest(diagnosis: Values) -> list[str]:
     share, white = left.get("share"), left.get("white")
     if diagnosis["verdict"] == "none" or not is_number(share):
         return []
-    if not diagnosis.get("effects") and share < 1.0:
+    if only_closest(diagnosis, share):
         return [f"What makes up the mismatch: the effects that come closest leave {percent(share)} of it."]
     if white is False:
         return [f"What makes up the {percent(share)} left unexplained: it still has structure, so it is not noise."]

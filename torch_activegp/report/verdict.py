@@ -93,8 +93,7 @@ def _forecasts(diagnosis: Values) -> list[dict[str, str]]:
     holdout = ((diagnosis.get("fit") or {}).get("holdout")) or {}
     found = []
     kinds = {"free_run": "free-run error, held-out runs", "one_step": "one-step error, held-out runs"}
-    first = telling(holdout)
-    for key, label in sorted(kinds.items(), key=lambda kind: kind[0] != first):
+    for key in dict.fromkeys((telling(holdout), *kinds)):
         error = holdout.get(key) or {}
         before, after = error.get("before"), error.get("after")
         if not is_number(before):
@@ -104,7 +103,7 @@ def _forecasts(diagnosis: Values) -> list[dict[str, str]]:
         value = " \u2192 ".join(map(percent, steps))
         last = "; the last with a learned force" if is_number(learned) else ""
         note = f"of the signal's spread{last}; noise {percent(error.get('noise'))}"
-        found.append({"value": value, "label": label, "note": note})
+        found.append({"value": value, "label": kinds[key], "note": note})
     return found[:1]
 
 

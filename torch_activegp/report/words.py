@@ -73,6 +73,11 @@ def telling(holdout: Mapping[str, Any]) -> str:
     return "free_run" if all(run.get("predictable", True) for run in holdout.get("runs") or []) else "one_step"
 
 
+def only_closest(diagnosis: Mapping[str, Any], share: float) -> bool:
+    """Whether a share of the mismatch is what effects leave that come closest and are not named."""
+    return not diagnosis.get("effects") and share < 1.0
+
+
 def explained(effects: Sequence[Mapping[str, Any]]) -> float:
     """Share of the mismatch that the effects explain together, at most 1."""
     return min(1.0, sum(effect.get("share") or 0.0 for effect in effects))
