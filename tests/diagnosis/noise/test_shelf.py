@@ -8,8 +8,8 @@ import pytest
 from scipy import signal
 
 from torch_activegp.diagnosis.inputs.steep_filter import SteepFilter
-from torch_activegp.diagnosis.noise.floor import hides_filters, noise_floor, steep_filters
-from torch_activegp.diagnosis.noise.shelf import shelf, shelf_behind
+from torch_activegp.diagnosis.noise.floor import filter_beside, hides_filters, noise_floor, steep_filters
+from torch_activegp.diagnosis.noise.shelf import shelf, shelf_behind, shelf_beside
 
 RATE, LOUD = 250.0, 7e-4
 
@@ -109,6 +109,72 @@ def test_a_filter_is_known_again_where_it_was_seen_a_little_off() -> None:
     assert shelf_behind(*seen, SteepFilter(0.9 * 18.0 / RATE, LOUD, (2, 2))) is not None
     assert shelf_behind(*seen, SteepFilter(0.5 * 18.0 / RATE, LOUD, (2, 2))) is None
     assert shelf_behind(*seen, SteepFilter(18.0 / RATE, 1e-3 * LOUD, (2, 2))) is None  # a thousand times as loud
+
+
+def beside(make_plain_run, channels: list[np.ndarray], shown: list[SteepFilter | None]) -> SteepFilter | None:
+    """The filter of the first of some channels."""
+    run = make_plain_run(np.stack(channels, axis=1), noise=1e-6)
+    return filter_beside([dataclasses.replace(run, time=np.arange(len(run)) / RATE)], 0, shown)
+
+
+@pytest.mark.parametrize("louder", [0.1, 1.0, 20.0, 40.0])
+@pytest.mark.parametrize("judged", [(2, 1), (2, 2)])
+def test_beside_a_sibling_in_proportion_a_filter_tells_the_level_though_its_order_is_misjudged(
+    make_plain_run, louder: float, judged: tuple[int, int]
+) -> None:
+    """Not of what would be 40 times as loud, nor where no sibling shows a filter, nor of noise that is white."""
+    hidden, noise = swift()
+    plain, own = filtered(2, 18.0, True, 16000)
+    known = SteepFilter(18.0 / RATE, own.std(), judged)
+    found = beside(make_plain_run, [louder * hidden, plain], [None, known])
+    if louder > 30.0:
+        assert found is None
+    else:
+        assert found is not None
+        assert found.scale == pytest.approx(louder * noise.std(), rel=0.2)
+    assert beside(make_plain_run, [hidden, plain], [None, None]) is None
+    white = np.random.default_rng(0).normal(size=len(plain))
+    assert beside(make_plain_run, [white, plain], [None, known]) is None
+
+
+@pytest.mark.parametrize("corner", [18.0, 25.0])
+@pytest.mark.parametrize("ratio", [0.1, 0.3, 1.0])
+def test_motions_in_proportion_are_no_noise(make_plain_run, corner: float, ratio: float) -> None:
+    """Of two joints that one force moves, up to 60 Hz, behind one filter."""
+    rng = np.random.default_rng(2)
+    force = signal.filtfilt(*signal.butter(4, 60.0, fs=RATE), rng.normal(size=16000))
+    motion = signal.lfilter([1e-2], [1.0, -1.98, 0.981], force)
+    passes = signal.butter(2, corner, fs=RATE)
+    noise = signal.filtfilt(*passes, LOUD * rng.normal(size=(2, 16000)))
+    moved = signal.filtfilt(*passes, np.stack([motion, motion / ratio]))
+    known = SteepFilter(corner / RATE, float(noise[1].std()), (2, 2))
+    assert beside(make_plain_run, [*(moved + noise)[:, 200:]], [None, known]) is None
+
+
+@pytest.mark.parametrize("loud", [1e-3, 1e-2, 0.1, 1.0, 10.0])
+@pytest.mark.parametrize("both", [True, False])
+def test_a_mass_falls_beside_no_filter_of_another_joint(loud: float, both: bool) -> None:
+    """However loud; behind two poles forth alone noise falls as it does."""
+    mass = signal.lfilter([1.0], [1.0, -1.98, 0.981], np.random.default_rng(0).normal(size=20000))
+    values, noise = filtered(2, 18.0, both, 20200)
+    frequency, sibling = spectrum(values)
+    power, high = spectrum(mass)[1], frequency > 0.2
+    power = loud * power * np.exp(np.mean(np.log(sibling[high] / power[high])))
+    known = SteepFilter(18.0 / RATE, float(noise.std()), (2, 2 if both else 1))
+    assert shelf_beside(frequency, power, sibling, known) is None
+
+
+def test_few_bins_and_other_shapes_tell_nothing_beside_a_sibling() -> None:
+    values, noise = filtered(2, 18.0, True, 20200)
+    frequency, sibling = spectrum(values)
+    known = SteepFilter(18.0 / RATE, float(noise.std()), (2, 2))
+    assert shelf_beside(frequency, sibling, sibling, known) is not None
+    ripple = sibling * 10.0 ** (0.5 * np.sin(120.0 * frequency))
+    assert shelf_beside(frequency, ripple, sibling, known) is None
+    assert shelf_beside(frequency[::4], sibling[::4], sibling[::4], known) is None
+    end = int((frequency < 0.15).sum())  # the rest is rounding
+    short = np.where(np.arange(len(sibling)) < end, sibling, sibling[end])
+    assert shelf_beside(frequency, short, sibling, known) is None
 
 
 @pytest.mark.parametrize("corner", [18.0, 25.0, 37.0])

@@ -92,6 +92,26 @@ def test_a_filter_that_shows_in_what_is_left_counts_too(clean, monkeypatch) -> N
     assert "one row in 50 ms" in found.notes[-1]
 
 
+def test_a_filter_counts_for_a_joint_beside_another_one_that_shows_it(clean, monkeypatch) -> None:
+    """Here of two channels; what the first one shows stays, and what the second is beside it is found once more."""
+    slow, own = SteepFilter(0.1, 1e-3), SteepFilter(0.1, 2e-3)
+    channels = clean.machine.channels
+    two = dataclasses.replace(channels, joints=(*channels.joints, "knee"))
+    asked = []
+
+    def filter_beside(runs, channel, shown):
+        asked.append((channel, list(shown)))
+        return own
+
+    monkeypatch.setattr(filtered_rows, "steep_filters", lambda runs: [None, None])
+    monkeypatch.setattr(filtered_rows, "filters_left", lambda machine, nthread: [slow, None])
+    monkeypatch.setattr(filtered_rows, "filter_beside", filter_beside)
+    found = thinned(dataclasses.replace(clean.machine, channels=two))
+    assert [run.filters for run in found.fit] == [(slow, own)] * len(clean.machine.fit)
+    assert asked == [(1, [slow, None])]
+    assert "one row in 50 ms" in found.notes[-1]
+
+
 @pytest.mark.parametrize("counts", [True, False])
 def test_filtered_positions_of_the_model_itself_are_no_mismatch(model, monkeypatch, counts: bool) -> None:
     """Unless every row counts, for noise that follows from the rows around is not seen by differences."""

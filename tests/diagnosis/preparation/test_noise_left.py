@@ -66,6 +66,20 @@ def test_far_below_the_floor_the_closest_colour_stands_in_for_what_is_left_of_ph
     assert noise_behind(bent, fit, last=True) is None
 
 
+@pytest.mark.parametrize(("floor", "seen"), [(1.5e-4, True), (1.1e-4, False)])
+def test_a_motion_that_was_taken_for_a_colour_is_seen_behind_what_is_weak(clean, floor: float, seen: bool) -> None:
+    """Behind a floor of two poles, as of a tight loop, an error of ten times the noise leaves 0.35 of it; or 0.65."""
+    shooting, fit = with_noise(clean, 1e-3, 6e-5)
+    time = np.arange(shooting.segments.intervals + 1) / 100
+    weak = 6e-4 * np.sin(2 * np.pi * 1.0 * time)[None, :, None]
+    segments = dataclasses.replace(shooting.segments, position=shooting.segments.position + weak)
+    poles = (1.88, -0.8836)
+    slow = NoiseModel(np.array([floor / colour_scale(poles)]), np.array([poles]))
+    found = noise_behind(dataclasses.replace(shooting, segments=segments, noise=slow), fit)
+    assert (found is not None) == seen
+    assert found is None or 5e-5 < found.innovation[0] < 1.6e-4
+
+
 @pytest.mark.parametrize(("order", "corner"), [(1, 5.0), (1, 10.0), (2, 10.0)])
 def test_behind_a_filter_that_no_colour_is_a_perfect_model_stays_one(clean, order: int, corner: float) -> None:
     """Butterworth's: what is left is no noise of the family, and no physics either."""

@@ -60,6 +60,17 @@ def test_the_effect_that_explains_all_is_named(bench) -> None:
     assert distances == sorted(distances) and distances[0] == 0.0
 
 
+@pytest.mark.parametrize(("gained", "verdict"), [(5.0, "unknown"), (15.0, "named")])
+def test_a_name_must_score_better_than_none_by_far(bench, gained: float, verdict: str) -> None:
+    """Above all prices."""
+    found = selection(bench, bench.fit("viscous_friction", 0.05))
+    less = found.score(bench.nominal) - found.score(found.best) - gained
+    weak = dataclasses.replace(found.best, chi2=found.best.chi2 + less * found.score.scale)
+    judged = judge(bench.shooting, selection(bench, weak))
+    assert (judged.verdict, bool(judged.named)) == (verdict, verdict == "named")
+    assert judged.rivals[0][0] is weak
+
+
 def test_sets_that_score_alike_are_a_tie(bench) -> None:
     fit = bench.fit("viscous_friction", 0.05)
     twin = dataclasses.replace(fit, effects=(bench.effect("quadratic_drag"),), chi2=fit.chi2 + 3.0)

@@ -11,15 +11,9 @@ from scipy import signal
 
 from torch_activegp.diagnosis.inputs.runs import Array, Run, median_step
 from torch_activegp.diagnosis.inputs.steep_filter import SteepFilter
-from torch_activegp.diagnosis.noise.model import (
-    NoiseModel,
-    colour_family,
-    colour_scale,
-    high_differences,
-    spectrum,
-)
+from torch_activegp.diagnosis.noise.model import NoiseModel, colour_family, colour_scale, high_differences, spectrum
 from torch_activegp.diagnosis.noise.periods import noise_from_periods
-from torch_activegp.diagnosis.noise.shelf import LOWEST, shelf, shelf_behind
+from torch_activegp.diagnosis.noise.shelf import LOWEST, shelf, shelf_behind, shelf_beside
 
 _WINDOW = 128
 INNER = slice(4, -2)
@@ -104,6 +98,21 @@ def steep_filters(runs: Sequence[Run]) -> list[SteepFilter | None]:
     own = {c: _steep(runs, c, partial(shelf, lowest=LOWEST * median_step(runs))) for c in wanted}
     known = [one for one in own.values() if one is not None] or _together(runs, wanted)
     return [own[c] or _behind_another(runs, c, known) if c in own else None for c in channels]
+
+
+def filter_beside(runs: Sequence[Run], channel: int, shown: Sequence[SteepFilter | None]) -> SteepFilter | None:
+    """The filter of a channel that shows none, by the first other one to whose spectrum its own is in proportion.
+
+    Args:
+        runs: at least one.
+        channel: which of the recorded positions.
+        shown: for each channel the filter that it shows, or None.
+    """
+    if not _may_be_steep(runs, channel) or (here := _spectra(runs, channel)) is None:
+        return None
+    seen = ((one, _spectra(runs, c)) for c, one in enumerate(shown) if one is not None)
+    levels = (shelf_beside(*here[:2], there[1], one) for one, there in seen if there is not None)
+    return next((one for one in levels if one is not None), None)
 
 
 def _behind_another(runs: Sequence[Run], channel: int, known: Sequence[SteepFilter]) -> SteepFilter | None:

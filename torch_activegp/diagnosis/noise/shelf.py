@@ -35,6 +35,10 @@ _SLOPE = 1.0
 """Power of the frequency with which the level part may fall; motion falls with the fourth."""
 _DEEP = 2.0
 """Decades by which the noise must fall from there to the end."""
+_NO_LOUDER, _STEEP = 0.5, 6.0
+"""Decimal logarithm by which a spectrum may be above the noise behind a filter to be that, -0.6 where the order was
+judged too low, and 1.7 to 2.1 of motion; and the power of the frequency with which it must fall, where motion falls
+with the fourth."""
 _ABOVE_REST = 10.0
 """Times what is left at the end of the spectrum (rounding, leaks of the window) up to which a bin says nothing."""
 
@@ -107,6 +111,42 @@ def shelf_behind(frequency: Array, power: Array, known: SteepFilter) -> SteepFil
     return None
 
 
+def shelf_beside(frequency: Array, power: Array, sibling: Array, known: SteepFilter) -> SteepFilter | None:
+    """The level of noise behind the filter of another joint whose spectrum is in proportion at the end.
+
+    Joints are filtered alike, whatever the filter; where their motion has ended, their noises differ by a factor alone.
+    Noise of 0.39 mrad on a double pendulum at 100 Hz, behind 12 Hz, was told by one joint, and taken for 0.01 mrad at
+    the other, that moved up to 20 Hz: what a simulator without any fault left was 3200 times that.
+
+    Motions of coupled joints are in proportion too. So the other joint's spectrum must be no louder there than its
+    noise, and fall more steeply than motion does.
+
+    Args:
+        frequency: of some bins, in parts of the sampling rate, rising, ``(F,)``.
+        power: one-sided density at unit sampling rate, ``(F,)``.
+        sibling: that of the other joint, ``(F,)``.
+        known: its filter, whose order may be misjudged.
+
+    Returns:
+        The same filter with the level of this noise. None where fewer than ten bins of the upper half beyond the corner
+        say anything, those of the other joint are motion, the two are not in proportion, or it would be 30 times as
+        loud.
+    """
+    end = min(_told(power), _told(sibling))
+    first = end - int((frequency[:end] > known.corner).sum()) // 2
+    if end - first < 2 * _LEVEL:
+        return None
+    f, told = frequency[first:end], np.log10(sibling[first:end])
+    expected = np.log10(_passed(f, known.order, known.corner)) + _level(known)
+    falls = -np.polyfit(np.log10(f), told, 1)[0]
+    apart = np.log10(power[first:end]) - told
+    louder = float(10.0 ** (0.5 * apart.mean()))
+    is_noise = (told - expected).mean() < _NO_LOUDER and falls > _STEEP
+    if not (is_noise and apart.std() < _CLOSE and 1.0 / _AS_LOUD < louder < _AS_LOUD):
+        return None
+    return known._replace(scale=louder * known.scale)
+
+
 def _told(power: Array) -> int:
     """Bins before the first that says nothing."""
     return _before(power <= _ABOVE_REST * power[-_LEVEL:].mean())
@@ -119,8 +159,17 @@ def _before(ends: NDArray[np.bool_]) -> int:
 
 def _shelf(order: tuple[int, int], corner: float, level: float) -> SteepFilter:
     """The shelf of a level, as the decimal logarithm of a density."""
-    even = np.linspace(0.0, 0.5, 513)[1:-1]
-    return SteepFilter(corner, float(np.sqrt(0.5 * 10.0**level * np.mean(_passed(even, order, corner)))), order)
+    return SteepFilter(corner, float(np.sqrt(0.5 * 10.0**level * _part(order, corner))), order)
+
+
+def _level(known: SteepFilter) -> float:
+    """The inverse of that: the level of a filter's noise."""
+    return float(np.log10(2.0 * known.scale**2 / _part(known.order, known.corner)))
+
+
+def _part(order: tuple[int, int], corner: float) -> float:
+    """Part of the power of white noise that a filter passes."""
+    return float(np.mean(_passed(np.linspace(0.0, 0.5, 513)[1:-1], order, corner)))
 
 
 def _passed(f: Array, order: tuple[int, int], corner: float) -> Array:

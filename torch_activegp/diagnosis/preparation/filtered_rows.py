@@ -8,7 +8,7 @@ import numpy as np
 
 from torch_activegp.diagnosis.inputs.machine import Machine
 from torch_activegp.diagnosis.inputs.runs import Run
-from torch_activegp.diagnosis.noise.floor import steep_filters
+from torch_activegp.diagnosis.noise.floor import filter_beside, steep_filters
 from torch_activegp.diagnosis.preparation.filters_left import filters_left
 
 
@@ -26,7 +26,8 @@ def thinned(machine: Machine, nthread: int = 0) -> Machine:
     """
     found = steep_filters(machine.fit)
     if None in found:
-        found = [one or left for one, left in zip(found, filters_left(machine, nthread), strict=True)]
+        shown = [one or left for one, left in zip(found, filters_left(machine, nthread), strict=True)]
+        found = [one or filter_beside(machine.fit, channel, shown) for channel, one in enumerate(shown)]
     known = {f"qpos.{joint}": one for joint, one in zip(machine.channels.joints, found, strict=True) if one is not None}
     fit = [dataclasses.replace(run, filters=tuple(found)) for run in machine.fit]
     if not known:

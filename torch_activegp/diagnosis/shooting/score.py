@@ -17,7 +17,7 @@ OF_THE_REST = 1 / 3
 _INADEQUATE = 4.0
 TIE = 6.0
 """Sets whose scores differ by less (odds of 20 to 1) are not told apart; any effect at all must gain so much beyond its
-price, or there is none."""
+price, or none comes first, and more to be named."""
 _UNSURE = 20.0
 """The same for any effect at all where what is left is much more than the noise: it is coloured too then, behind a
 filter without phase for instance, and a single gain seems larger than it is."""
