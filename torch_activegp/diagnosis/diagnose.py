@@ -202,6 +202,7 @@ def _report(
             *open_notes,
             *wild_notes,
             *verdict.notes,
+            *([verdict.clock] if verdict.clock else []),
         ],
         "rivals": rival_entries(explanation, judgement),
         "retuned": retuned_entries(explanation, judgement, numbers),
@@ -216,7 +217,9 @@ def _report(
         "traces": traces,
     }
     doubts = [*late, *machine.doubts, *machine.lacks]
-    words = unforeseen(verdict.unforeseen, doubts) or sentence(judgement.verdict, named, details, doubts)
+    words = unforeseen(verdict.unforeseen, doubts) or sentence(
+        judgement.verdict, named, details, doubts, bool(verdict.clock)
+    )
     files |= saved_files({"corrected.pt": corrected, "learned.pt": learned}, details["notes"])
     details["notes"] += _held_note(named) if "corrected.pt" in files else []
     return Diagnosis(judgement.verdict, words, named, details, evidence, files, corrected, learned, verdict.stability)

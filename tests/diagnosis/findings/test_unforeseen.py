@@ -85,6 +85,12 @@ def test_held_out_runs_say_where_it_is(clean, explanation) -> None:
     assert seen_there(explanation, verdict, clean.machine.holdout, "why") is None  # noise alone in brief pieces
 
 
+def test_what_the_clock_of_held_out_runs_may_have_left_is_no_mismatch(clean, explanation, monkeypatch) -> None:
+    verdict = decide(explanation.shooting, explanation.selection)
+    monkeypatch.setattr("torch_activegp.diagnosis.findings.unforeseen.rounded_clock", lambda shooting, fit: "rounded")
+    assert seen_there(explanation, verdict, loud(clean), "why") is None
+
+
 @pytest.mark.parametrize("failed", [1, None])
 def test_segments_that_no_simulation_follows_are_left_out(clean, explanation, monkeypatch, failed) -> None:
     verdict, runs, fit = decide(explanation.shooting, explanation.selection), loud(clean), Shooting.fit

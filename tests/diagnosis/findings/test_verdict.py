@@ -17,7 +17,7 @@ def selection(bench) -> Selection:
 
 
 def test_a_name_that_forecasts_what_was_left_out_stays(bench, selection) -> None:
-    judgement, stable, notes, _ = decide(bench.shooting, selection)
+    judgement, stable, notes, *_ = decide(bench.shooting, selection)
     assert [effect.name for effect in judgement.named] == ["viscous_friction"]
     assert stable is not None
     assert not stable.effects[0].refuted
@@ -37,10 +37,25 @@ def test_a_refuted_name_makes_way_for_the_next_best_set(bench, selection, monkey
     monkeypatch.setattr("torch_activegp.diagnosis.findings.verdict.stability", said)
     plain, (nominal, _, dry) = selection.score, selection.fits
     selection.score = dataclasses.replace(plain, free=frozenset({("coulomb_friction", "joint:hip")}))
-    judgement, _, notes, _ = decide(bench.shooting, selection)
+    judgement, _, notes, *_ = decide(bench.shooting, selection)
     assert judgement.fit.keys == {("coulomb_friction", "joint:hip")}
     assert [words.split(" would")[0] for words in notes] == ["viscous_friction at joint:hip"]
     assert len(selection.fits) == 3  # the caller's own are left alone
     left = Selection(nominal, [nominal, dry], plain)
     left.rescale(bench.shooting.dof)
     assert judgement.rivals[1][1] == pytest.approx(left.score(nominal) - left.score(dry))  # dry friction costs its name
+
+
+@pytest.mark.parametrize("said", ["Times were rounded.", ""])
+def test_what_the_clock_may_have_left_is_no_mismatch(bench, selection, monkeypatch, said: str) -> None:
+    monkeypatch.setattr("torch_activegp.diagnosis.findings.verdict.rounded_clock", lambda shooting, fit: said)
+    selection.fits = [bench.nominal]
+    found = decide(bench.shooting, selection)
+    assert (found.judgement.verdict, found.clock) == ("none" if said else "unknown", said)
+    assert (found.judgement.unexplained, found.judgement.white) == ((0.0, True) if said else (1.0, False))
+
+
+def test_a_name_needs_no_clock(bench, selection, monkeypatch) -> None:
+    monkeypatch.setattr("torch_activegp.diagnosis.findings.verdict.rounded_clock", lambda shooting, fit: "rounded")
+    found = decide(bench.shooting, selection)
+    assert (found.judgement.verdict, found.clock) == ("named", "")

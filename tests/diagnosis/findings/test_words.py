@@ -29,6 +29,13 @@ def test_noise_that_may_be_louder_than_it_looks_is_not_called_noise_alone() -> N
     assert words.endswith("Faster recordings would tell.")
 
 
+def test_what_the_clock_may_have_left_is_no_mismatch() -> None:
+    words = sentence("none", (), {**ERROR, "unexplained": {"chi2_per_dof": 2.05}}, rounded=True)
+    assert words.endswith(
+        "differ by no more than rounding the recorded times may leave: 2.05 times the noise (chi2 per dof)."
+    )
+
+
 @pytest.mark.parametrize(
     ("location", "words"),
     [([], "differ, and no effect"), ([{"target": "joint:hip"}, {"target": "b"}], "most of it at joint:hip, and no")],

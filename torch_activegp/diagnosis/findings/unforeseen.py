@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 
+from torch_activegp.diagnosis.findings.rounded_clock import rounded_clock
 from torch_activegp.diagnosis.findings.verdict import Verdict
 from torch_activegp.diagnosis.inputs.runs import Run
 from torch_activegp.diagnosis.inputs.segments import cut
@@ -67,7 +68,7 @@ def seen_there(
 
     Returns:
         The likelihood over the held-out runs, but for where the simulation fails, and ``unknown``; None where brief
-        pieces of them show nothing: a free run that is long goes far by little.
+        pieces of them show nothing, or what their rounded clock may leave: a free run that is long goes far by little.
     """
     segments = cut(runs, explanation.shooting.segments.usual_seconds, PAD)
     shooting = dataclasses.replace(explanation.shooting, engine=explanation.engine, segments=segments, offset=None)
@@ -78,7 +79,7 @@ def seen_there(
     if not sound.all():
         shooting, nominal = shooting.pick(sound), nominal.pick(sound)
     p_value = omnibus(shooting, nominal).p_value
-    if p_value > SURE:
+    if p_value > SURE or rounded_clock(shooting, nominal):
         return None
     judgement = dataclasses.replace(
         verdict.judgement,

@@ -3,13 +3,16 @@
 from __future__ import annotations
 
 import dataclasses
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
+from torch_activegp.diagnosis.findings.rounded_clock import rounded_clock
 from torch_activegp.diagnosis.findings.stability import stability
 from torch_activegp.diagnosis.result import Stability
 from torch_activegp.diagnosis.selection.compared import Selection
 from torch_activegp.diagnosis.selection.judge import Judgement, judge
 from torch_activegp.diagnosis.shooting.likelihood import Shooting
+
+_NOTHING: dict[str, Any] = {"verdict": "none", "unexplained": 0.0, "white": True}
 
 
 class Verdict(NamedTuple):
@@ -20,12 +23,14 @@ class Verdict(NamedTuple):
         stability: what becomes of its names when each recording is left out; None where nothing is named.
         notes: names that were given up, in sentences.
         unforeseen: that the held-out runs alone show a mismatch, in words; empty where the others do too, or none does.
+        clock: that the rounded clock may have left all that is more than noise, in a sentence; empty where it did not.
     """
 
     judgement: Judgement
     stability: Stability | None
     notes: tuple[str, ...]
     unforeseen: str = ""
+    clock: str = ""
 
 
 def decide(shooting: Shooting, selection: Selection) -> Verdict:
@@ -44,6 +49,10 @@ def decide(shooting: Shooting, selection: Selection) -> Verdict:
         found = stability(shooting, selection, judgement)
         refuted = [effect for effect in (found.effects if found is not None else ()) if effect.refuted]
         if not refuted:
+            if judgement.verdict == "unknown" and not judgement.named:
+                clock = rounded_clock(shooting, selection.nominal)
+                judgement = dataclasses.replace(judgement, **_NOTHING) if clock else judgement
+                return Verdict(judgement, found, tuple(notes), clock=clock)
             return Verdict(judgement, found, tuple(notes))
         worst = min(refuted, key=lambda effect: sum(gain or 0.0 for gain in effect.gains))
         notes.append(

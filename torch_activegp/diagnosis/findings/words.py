@@ -18,7 +18,11 @@ _MUCH_LEFT = 2.0
 
 
 def sentence(
-    verdict: str, effects: Sequence[NamedEffect], details: Mapping[str, Any], doubts: Sequence[str] = ()
+    verdict: str,
+    effects: Sequence[NamedEffect],
+    details: Mapping[str, Any],
+    doubts: Sequence[str] = (),
+    rounded: bool = False,
 ) -> str:
     """One sentence that says what was found; where nothing was, one more that says what to doubt first.
 
@@ -27,9 +31,10 @@ def sentence(
         effects: the named effects.
         details: the other entries of ``diagnosis.json``.
         doubts: what seems wrong with the recordings, in sentences.
+        rounded: whether the rounded clock may have left all that is more than noise.
     """
     if verdict == "none":
-        return f"The simulator and the recordings differ by {_noise(details)}."
+        return f"The simulator and the recordings differ by {_noise(details, rounded)}."
     if verdict == "unknown":
         places = [place["target"] for place in details["location"][:1]]
         where = f", most of it at {places[0]}" if places else ""
@@ -65,9 +70,11 @@ def unforeseen(why: str, doubts: Sequence[str] = ()) -> str:
     return why and f"{why}{_doubted(doubts)}"
 
 
-def _noise(details: Mapping[str, Any]) -> str:
-    """Noise alone, or more than rows show that follow each other so slowly that it may be noise."""
+def _noise(details: Mapping[str, Any], rounded: bool) -> str:
+    """Noise alone, or more than rows show that follow each other so slowly that it may be noise, or the clock's."""
     left = details["unexplained"]["chi2_per_dof"]
+    if rounded:
+        return f"no more than rounding the recorded times may leave: {left:.3g} times the noise (chi2 per dof)"
     if left < _LOUD:
         return "noise alone"
     return (
