@@ -85,10 +85,20 @@ def test_held_out_runs_say_where_it_is(clean, explanation) -> None:
     assert seen_there(explanation, verdict, clean.machine.holdout, "why") is None  # noise alone in brief pieces
 
 
-def test_what_the_clock_of_held_out_runs_may_have_left_is_no_mismatch(clean, explanation, monkeypatch) -> None:
+def test_what_the_clock_of_held_out_runs_may_have_left_is_said_once_and_no_mismatch(
+    clean, explanation, monkeypatch
+) -> None:
     verdict = decide(explanation.shooting, explanation.selection)
     monkeypatch.setattr("torch_activegp.diagnosis.findings.unforeseen.rounded_clock", lambda shooting, fit: "rounded")
-    assert seen_there(explanation, verdict, loud(clean), "why") is None
+    said = seen_there(explanation, verdict, loud(clean), "why")
+    assert said == (explanation, verdict._replace(clock="rounded"))
+    assert seen_there(*said, loud(clean), "why") is None
+
+
+def test_a_mismatch_of_held_out_runs_keeps_what_was_said_of_the_clock(clean, explanation) -> None:
+    verdict = decide(explanation.shooting, explanation.selection)._replace(clock="rounded")
+    _, judged = seen_there(explanation, verdict, loud(clean), "why")
+    assert (judged.judgement.verdict, judged.clock, judged.unforeseen) == ("unknown", "rounded", "why")
 
 
 @pytest.mark.parametrize("failed", [1, None])

@@ -68,7 +68,8 @@ def seen_there(
 
     Returns:
         The likelihood over the held-out runs, but for where the simulation fails, and ``unknown``; None where brief
-        pieces of them show nothing, or what their rounded clock may leave: a free run that is long goes far by little.
+        pieces of them show nothing: a free run that is long goes far by little. Where they show what their rounded
+        clock may leave, what was said with a note on that, once.
     """
     segments = cut(runs, explanation.shooting.segments.usual_seconds, PAD)
     shooting = dataclasses.replace(explanation.shooting, engine=explanation.engine, segments=segments, offset=None)
@@ -79,8 +80,11 @@ def seen_there(
     if not sound.all():
         shooting, nominal = shooting.pick(sound), nominal.pick(sound)
     p_value = omnibus(shooting, nominal).p_value
-    if p_value > SURE or rounded_clock(shooting, nominal):
+    clock = rounded_clock(shooting, nominal)
+    if p_value > SURE or (clock and verdict.clock):
         return None
+    if clock:
+        return explanation, verdict._replace(clock=clock)
     judgement = dataclasses.replace(
         verdict.judgement,
         verdict="unknown",
@@ -92,4 +96,4 @@ def seen_there(
     )
     selection = Selection(nominal, [nominal], explanation.selection.score)
     there = dataclasses.replace(explanation, shooting=shooting, selection=selection)
-    return there, Verdict(judgement, None, verdict.notes, why)
+    return there, verdict._replace(judgement=judgement, stability=None, unforeseen=why)

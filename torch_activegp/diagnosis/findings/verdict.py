@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 from torch_activegp.diagnosis.findings.rounded_clock import rounded_clock
 from torch_activegp.diagnosis.findings.stability import stability
@@ -11,8 +11,6 @@ from torch_activegp.diagnosis.result import Stability
 from torch_activegp.diagnosis.selection.compared import Selection
 from torch_activegp.diagnosis.selection.judge import Judgement, judge
 from torch_activegp.diagnosis.shooting.likelihood import Shooting
-
-_NOTHING: dict[str, Any] = {"verdict": "none", "unexplained": 0.0, "white": True}
 
 
 class Verdict(NamedTuple):
@@ -49,11 +47,11 @@ def decide(shooting: Shooting, selection: Selection) -> Verdict:
         found = stability(shooting, selection, judgement)
         refuted = [effect for effect in (found.effects if found is not None else ()) if effect.refuted]
         if not refuted:
-            if judgement.verdict == "unknown" and not judgement.named:
-                clock = rounded_clock(shooting, selection.nominal)
-                judgement = dataclasses.replace(judgement, **_NOTHING) if clock else judgement
-                return Verdict(judgement, found, tuple(notes), clock=clock)
-            return Verdict(judgement, found, tuple(notes))
+            nameless = judgement.verdict == "unknown" and not judgement.named
+            clock = rounded_clock(shooting, selection.nominal) if nameless else ""
+            if clock:
+                judgement = dataclasses.replace(judgement, verdict="none", unexplained=0.0)
+            return Verdict(judgement, found, tuple(notes), clock=clock)
         worst = min(refuted, key=lambda effect: sum(gain or 0.0 for gain in effect.gains))
         notes.append(
             f"{worst.name} at {worst.target} would fit these recordings better, but by chance: fitted to the others, "

@@ -73,10 +73,10 @@ def unforeseen(why: str, doubts: Sequence[str] = ()) -> str:
 def _noise(details: Mapping[str, Any], rounded: bool) -> str:
     """Noise alone, or more than rows show that follow each other so slowly that it may be noise, or the clock's."""
     left = details["unexplained"]["chi2_per_dof"]
-    if rounded:
-        return f"no more than rounding the recorded times may leave: {left:.3g} times the noise (chi2 per dof)"
     if left < _LOUD:
         return "noise alone"
+    if rounded:
+        return f"no more than rounding the recorded times may leave: {left:.3g} times the noise (chi2 per dof)"
     return (
         f"no more than noise may: by {left:.3g} times (chi2 per dof) what rows next to each other show of it, which a "
         "filter in the recorder, or errors that last, would hide at this rate. Faster recordings would tell"
