@@ -80,11 +80,10 @@ def seen_there(
     if not sound.all():
         shooting, nominal = shooting.pick(sound), nominal.pick(sound)
     p_value = omnibus(shooting, nominal).p_value
-    clock = rounded_clock(shooting, nominal)
-    if p_value > SURE or (clock and verdict.clock):
+    if p_value > SURE:
         return None
-    if clock:
-        return explanation, verdict._replace(clock=clock)
+    if clock := rounded_clock(shooting, nominal):
+        return None if verdict.clock else (explanation, verdict._replace(clock=clock))
     judgement = dataclasses.replace(
         verdict.judgement,
         verdict="unknown",

@@ -36,9 +36,9 @@ _SLOPE = 1.0
 _DEEP = 2.0
 """Decades by which the noise must fall from there to the end."""
 _NO_LOUDER, _STEEP = 0.5, 6.0
-"""Decimal logarithm by which a spectrum may be above the noise behind a filter to be that, -0.6 where the order was
-judged too low, and 1.7 to 2.1 of motion; and the power of the frequency with which it must fall, where motion falls
-with the fourth."""
+"""Decimal logarithm by which a spectrum may be above the noise behind a filter to be that, for it is below where the
+order was judged too low, and 1.7 to 2.1 above of motion; and the power of the frequency with which it must fall, where
+motion falls with the fourth."""
 _ABOVE_REST = 10.0
 """Times what is left at the end of the spectrum (rounding, leaks of the window) up to which a bin says nothing."""
 
