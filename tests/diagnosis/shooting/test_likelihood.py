@@ -104,8 +104,9 @@ def test_a_subset_holds_the_worst_segments_and_no_segment_twice(bench) -> None:
     count = int(np.ceil(0.8 * bench.segments.size))
     assert len(set(which)) == part.segments.size == count
     assert set(range(count // 2)) <= set(which)
-    whole, every = bench.shooting.subset(1.0, first)
-    assert whole.segments.size == bench.segments.size == len(every)
+    for share in (1.0, 3.0):
+        whole, every = bench.shooting.subset(share, first)
+        assert whole.segments.size == bench.segments.size == len(set(every))
 
 
 def test_a_hopeless_set_is_given_up_in_a_race(bench) -> None:

@@ -7,6 +7,7 @@ import dataclasses
 import numpy as np
 
 from torch_activegp.diagnosis.inputs.runs import Run, input_addresses
+from torch_activegp.diagnosis.preparation.telling import enough
 from torch_activegp.diagnosis.selection.explain import Explanation
 
 _BETTER = 0.5
@@ -37,13 +38,16 @@ def doubt_rows(explanation: Explanation) -> list[str]:
         return []
     segments = dataclasses.replace(shooting.segments, runs=tuple(_earlier(run) for run in runs))
     moved = dataclasses.replace(shooting, engine=explanation.engine, segments=segments, offset=None)
-    best, nominal = selection.best, selection.nominal
-    nameless = moved.fit([((), ())], nominal.starts)[0]
-    named = moved.fit([(best.effects, best.values)], best.starts)[0] if best.effects else nameless
-    before, after = best.chi2 / shooting.dof, min(nameless.chi2, named.chi2) / shooting.dof
-    as_well = nameless.chi2 < min(best.chi2, _BETTER * nominal.chi2)
-    if not (after < _BETTER * before or as_well):
-        return []
+    # where a row earlier explains nothing, fits to all segments go on for long
+    part = shooting.subset(enough(explanation.engine, segments), selection.nominal.per_segment)[1]
+    for which in (part, np.arange(segments.size)):
+        some, nominal, best = moved.pick(which), selection.nominal.pick(which), selection.best.pick(which)
+        nameless = some.fit([((), ())], nominal.starts)[0]
+        named = some.fit([(best.effects, best.values)], best.starts)[0] if best.effects else nameless
+        before, after = best.chi2 / some.dof, min(nameless.chi2, named.chi2) / some.dof
+        as_well = nameless.chi2 < min(best.chi2, _BETTER * nominal.chi2)
+        if not (after < _BETTER * before or as_well):
+            return []
     columns = [f"ctrl.{name}" for name in names]
     told = ", ".join([*columns[:_TOLD], *(["..."] if len(columns) > _TOLD else [])])
     return [

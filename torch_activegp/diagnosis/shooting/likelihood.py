@@ -142,10 +142,10 @@ class Shooting:
         """The same likelihood over a share of the segments, and which.
 
         Args:
-            share: of the segments.
+            share: of the segments, 0 to 1; all of them from 1 on.
             first: half of them are those with the largest of these values, ``(S,)``; the others are spread evenly.
         """
-        count = max(int(np.ceil(share * self.segments.size)), min(6, self.segments.size))
+        count = min(max(int(np.ceil(share * self.segments.size)), 6), self.segments.size)
         worst = np.argsort(first)[::-1][: count // 2] if first is not None else np.zeros(0, dtype=np.int64)
         rest = np.setdiff1d(np.arange(self.segments.size), worst)
         even = rest[np.linspace(0, len(rest) - 1, count - len(worst)).round().astype(np.int64)]
