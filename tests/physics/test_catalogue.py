@@ -4,7 +4,9 @@ from __future__ import annotations
 
 import dataclasses
 import pickle
+import re
 from collections import Counter
+from pathlib import Path
 from typing import Any
 
 import mujoco
@@ -45,6 +47,19 @@ def test_the_catalogue_holds_every_name(bench: Any) -> None:
     assert max(Counter((*effect.key, effect.variant) for effect in found).values()) == 1
     targets = {effect.target.partition(":")[0] for effect in found}
     assert targets == {"joint", "actuator", "sensor", "body", "world"}
+
+
+def test_the_page_names_every_effect_and_what_is_reported_of_it(bench: Any) -> None:
+    page = (Path(__file__).resolve().parents[2] / "docs" / "diagnosis.md").read_text(encoding="utf-8")
+    rows = re.findall(r"^\| ([a-z_, ]+) \| .* \| (.*) \| .* \|$", page.partition("| effect | law |")[2], re.MULTILINE)
+    said = {name: set(re.findall(r"`([a-z_]+)`", words)) for names, words in rows for name in names.split(", ")}
+    for effect in effects(bench):
+        reported = {
+            re.sub(r"_(\d|[yz])$", lambda end: "_x" if end[1] in "yz" else "", name)
+            for name in effect.describe(effect.seeds[0])
+        }
+        assert reported <= said[effect.name], effect
+    assert set(said) >= NAMES
 
 
 def found_by_name(bench: Any, name: str, described: dict[str, float]) -> tuple[Effect, np.ndarray]:
