@@ -12,6 +12,7 @@ import numpy as np
 
 from torch_activegp.data import Recording
 from torch_activegp.diagnosis.inputs.blackbox import BlackBox, check_clock, check_rates, check_recordings
+from torch_activegp.diagnosis.inputs.clock import truer_times
 from torch_activegp.diagnosis.inputs.own_filters import check_drives
 from torch_activegp.diagnosis.inputs.runs import MIN_ROWS, Channels, Run, input_addresses, make_run
 from torch_activegp.diagnosis.inputs.wrong_controls import doubt_controls
@@ -130,14 +131,16 @@ def lay_over(
     """
     notes: list[str] = []
     lists = [_long_enough(recordings, notes) for recordings in lists]
-    every = [recording for recordings in lists for recording in recordings]
+    every, said = truer_times([recording for recordings in lists for recording in recordings], channels)
+    notes += [said] if said else []
     if channels.prescribed is not None:
         notes.append(_prescribed(channels.prescribed))
     notes += _unseen(model, channels)
     notes += recording_notes(model, every)
     clock = min(float(recording.time.diff().median()) for recording in every if len(recording) > 1)
-    runs = [[make_run(recording, model, channels, clock) for recording in recordings] for recordings in lists]
-    laid = [run for some in runs for run in some]
+    laid = [make_run(recording, model, channels, clock) for recording in every]
+    rest = iter(laid)
+    runs = [[next(rest) for _ in recordings] for recordings in lists]
     notes += [f"{run.label}: {note}" for run in laid for note in run.notes]
     _refuse_constant(runs[0], channels)
     check_drives(model, laid)
