@@ -42,6 +42,25 @@ def test_controls_that_are_a_row_late_are_said_to_be(clean, rows: int, driven: b
         assert "a row late" in found[0]
 
 
+def test_all_segments_are_fitted_only_where_a_part_of_them_says_so(clean, monkeypatch) -> None:
+    sizes: list[int] = []
+    fit = Shooting.fit
+
+    def counted(self, *args, **options):
+        sizes.append(self.segments.size)
+        return fit(self, *args, **options)
+
+    monkeypatch.setattr("torch_activegp.diagnosis.findings.late_controls.enough", lambda engine, segments: 0.3)
+    for rows, whole in ((0, False), (1, True)):
+        found = explained(clean, rows)
+        with monkeypatch.context() as patch:
+            patch.setattr(Shooting, "fit", counted)
+            doubt_rows(found)
+        assert sizes[0] < clean.segments.size
+        assert (clean.segments.size in sizes) == whole
+        sizes.clear()
+
+
 def test_nothing_is_said_where_nothing_is_driven(clean) -> None:
     assert doubt_rows(explained(clean, 1, driven=False)) == []
 

@@ -11,20 +11,21 @@ import torch
 from numpy.typing import NDArray
 
 from torch_activegp.data import Recording, noise_std, unwrap_angles
-from torch_activegp.diagnosis.inputs.runs import MIN_ROWS, MISSING, Array, Channels
+from torch_activegp.diagnosis.inputs.runs import MISSING, Array, Channels
 from torch_activegp.diagnosis.inputs.smoothing import smooth
 
 _ORDER = 6
 """Of the differences between rows, which no motion outlasts."""
 _EVEN = 1e-3
 """Part of a row's length by which the times of an even clock scatter at most."""
-_LASTS = 0.5
-"""Correlation from row to row of what is no scatter: a clock that wanders."""
+_LASTS, _SLOW = 16, 3.0
+"""Means of so many rows that vary by so many times what they would of scatter are of a clock that wanders."""
 _APART = 6.0
 """Standard deviations of differences that are no noise: impacts, glitches, leaps of a turn."""
-_SURE, _TRUE = 4.0, 0.9
-"""Standard errors, and the share, by which too little of the scatter shows in the motion."""
-_NONE = 0.1
+_BLOCK, _BLOCKS = 50, 15
+"""Rows of a block, and how many blocks must tell, as many as if all told alike: what knocks a machine is in few."""
+_SURE, _SHOWS = 4.0, 0.25
+"""Standard errors by which the scatter must not show, and the part of it that may."""
 
 
 @dataclasses.dataclass(frozen=True)
@@ -47,76 +48,119 @@ class Clock:
 
         A clock that wanders, or starts anew behind a pause, is no scatter.
         """
-        if len(time) < MIN_ROWS:
+        count = len(time) // _LASTS
+        if count < 2:
             return None
         steps = np.diff(time) / np.median(np.diff(time))
         rows = np.concatenate([[0.0], np.cumsum(np.where(steps <= MISSING + 1e-6, 1.0, np.rint(steps)))])
         slope, first = np.polyfit(rows, time, 1)
         even = first + slope * rows
         off = time - even
-        if off.std() < _EVEN * slope or np.corrcoef(off[1:], off[:-1])[0, 1] > _LASTS:
+        slow = off[: count * _LASTS].reshape(count, _LASTS).mean(axis=1).var()
+        if off.std() < _EVEN * slope or slow > _SLOW * off.var() / _LASTS:
             return None
         following = np.lib.stride_tricks.sliding_window_view(np.diff(rows), _ORDER).max(axis=-1) == 1.0
         return cls(even, off, following)
 
     def shown(self, time: Array, position: Array) -> Array:
-        """How much of the scatter a position shows: the sums of a regression, ``(2,)``.
+        """How much of the scatter a position shows: the sums of a regression in each block of rows, ``(blocks, 2)``.
 
         Differences between rows in a line leave noise, and of a machine that moves at some speed what its times are
         off an even clock: the product with what they would leave of recorded times that are right, and their square.
+
+        Args:
+            time: as recorded, ``(T,)``, s.
+            position: ``(T,)``, rad or m.
         """
-        noise = noise_std(torch.from_numpy(position.copy()), torch.from_numpy(time.copy()))
-        speed = smooth(time, position, noise)[0]
+        floor = noise_std(torch.from_numpy(position.copy()), torch.from_numpy(time.copy()))
+        speed = smooth(time, position, floor)[0]
         size = math.sqrt(math.comb(2 * _ORDER, _ORDER))
-        found, right = (np.diff(x, n=_ORDER)[self.following] / size for x in (position, speed * self.off))
-        if not len(found):
-            return np.zeros(2)
-        noise = 1.4826 * min(float(np.median(np.abs(found - part))) for part in (0.0, right))
+        found, right = (
+            np.where(self.following, np.diff(x, n=_ORDER), 0.0) / size for x in (position, speed * self.off)
+        )
+        noise = 1.4826 * float(np.median(np.abs(found[self.following]))) if self.following.any() else 0.0
+        if noise <= 0.0:
+            return np.zeros((1, 2))
         usable = np.abs(found) < _APART * (noise + np.abs(right))
-        if noise <= 0.0 or not usable.any():
-            return np.zeros(2)
-        found, right = found[usable] / noise, right[usable] / noise
-        return np.array([found @ right, right @ right])
+        sums = np.stack([found * right, right**2], axis=1) * usable[:, None] / noise**2
+        starts = np.arange(0, len(sums), _BLOCK)
+        return np.asarray(np.add.reduceat(sums, starts, axis=0))
+
+
+@dataclasses.dataclass(frozen=True)
+class Shown:
+    """The part of the scatter that shows in some motion.
+
+    Args:
+        share: the part, 1 where recorded times are right.
+        error: its standard error: that of white noise, or how blocks of rows disagree where that is more.
+        blocks: how many blocks of rows tell, as many as if all told alike.
+    """
+
+    share: float
+    error: float
+    blocks: float
+
+    @classmethod
+    def by(cls, sums: Array) -> Shown:
+        """From the sums of blocks of rows, ``(blocks, 2)``."""
+        along, square = sums.T
+        total = square.sum()
+        if total <= 0.0:
+            return cls(1.0, np.inf, 0.0)
+        share = along.sum() / total
+        white = math.sqrt((_ORDER + 1) / total)  # each difference shares rows with so many others
+        apart = math.sqrt(((along - share * square) ** 2).sum()) / total
+        return cls(float(share), max(white, float(apart)), float(total**2 / (square**2).sum()))
+
+    @property
+    def even(self) -> bool:
+        """Whether rows were taken evenly: next to nothing of the scatter shows.
+
+        What shows the other way round is no scatter: positions were logged a row late.
+        """
+        told = self.blocks >= _BLOCKS and self.share + _SURE * self.error < 1.0
+        return told and -_SURE * self.error < self.share < _SHOWS
 
 
 def truer_times(recordings: Sequence[Recording], channels: Channels) -> tuple[list[Recording], str]:
-    """The recordings at the times at which their rows were most likely taken, and what was changed, in a sentence.
+    """The recordings, at the times of an even clock where they were taken so, and what was changed, in a sentence.
 
     Computers stamp rows when they come to it, of machines that were sampled evenly; others are sampled unevenly and
     say so. Where times are right, a moving machine is seen off its path by its speed times what they are off an even
-    clock. The slope of that regression, the same for all recordings, is the part of the scatter that is true, and all
-    that is kept of it. Stamps that were off by 0.4 ms left three times the noise of a falling pendulum in free decay.
+    clock. The slope of that regression is the part of the scatter that is true: of all recordings, or of each where
+    they disagree. Stamps that were off by 0.4 ms left three times the noise of a falling pendulum in free decay.
 
     Args:
-        recordings: of one logger.
+        recordings: one or more.
         channels: the recorded joints.
 
     Returns:
-        The same recordings, and an empty sentence, where the times are right, even, or nothing tells.
+        The same recordings, and an empty sentence, where the times are right or even, or nothing tells.
     """
-    clocks = [Clock.of(recording.time.numpy()) for recording in recordings]
     hinges = [joint for joint, hinge in zip(channels.joints, channels.hinge, strict=True) if hinge]
-    along = square = 0.0
-    for recording, clock in zip(recordings, clocks, strict=True):
-        if clock is not None:
-            turned = unwrap_angles(recording, hinges)
-            for joint in channels.joints:
-                sums = clock.shown(recording.time.numpy(), turned[f"qpos.{joint}"].numpy())
-                along, square = along + sums[0], square + sums[1]
-    if square <= 0.0:
+    every = {i: Clock.of(recording.time.numpy()) for i, recording in enumerate(recordings)}
+    clocks = {i: clock for i, clock in every.items() if clock is not None}
+    sums = {
+        i: np.concatenate([clock.shown(run.time.numpy(), run[f"qpos.{joint}"].numpy()) for joint in channels.joints])
+        for i, clock in clocks.items()
+        for run in [unwrap_angles(recordings[i], hinges)]
+    }
+    if not sums:
         return [*recordings], ""
-    share, error = along / square, math.sqrt((_ORDER + 1) / square)  # differences share rows with so many others
-    if share + _SURE * error > 1.0 or share > _TRUE:
+    whole, each = Shown.by(np.concatenate([*sums.values()])), {i: Shown.by(some) for i, some in sums.items()}
+    alike = all(abs(one.share - whole.share) < _SURE * one.error for one in each.values())
+    even = [i for i in sums if (whole if alike else each[i]).even]
+    if not even:
         return [*recordings], ""
-    share = max(share, 0.0) if share > _NONE else 0.0
-    moved = [
-        recording if clock is None else recording.replace({"time": torch.from_numpy(clock.even + share * clock.off)})
-        for recording, clock in zip(recordings, clocks, strict=True)
-    ]
-    scatter = max(clock.off.std() for clock in clocks if clock is not None)
-    kept = f"{share:.0%} of that is kept" if share else "they are taken to be even"
+    moved = [*recordings]
+    for i in even:
+        moved[i] = recordings[i].replace({"time": torch.from_numpy(clocks[i].even)})
+    which = "" if len(even) == len(recordings) else f" of {', '.join(recordings[i].label for i in even)}"
+    scatter = max(clocks[i].off.std() for i in even)
+    shown = Shown.by(np.concatenate([sums[i] for i in even]))
     return moved, (
-        f"Recorded times scatter by {1e3 * scatter:.2g} ms about an even clock, and the machine moved as if its rows "
-        f"were taken more evenly ({share:.0%} of the scatter shows in the motion, give or take {2.0 * error:.0%}): "
-        f"{kept}."
+        f"Recorded times{which} scatter by {1e3 * scatter:.2g} ms about an even clock, of which "
+        f"{max(shown.share, 0.0):.0%} shows in the motion, give or take {2.0 * shown.error:.0%}: their rows are taken "
+        "to be even."
     )
