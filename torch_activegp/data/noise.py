@@ -10,7 +10,8 @@ from torch import Tensor
 from torch_activegp.errors import DataError
 
 _ORDERS = (4, 6, 8)
-_MAD_TO_STD = 1.4826
+MAD_TO_STD = 1.4826
+"""Of normal noise: its standard deviation over the median of its size."""
 
 
 def noise_std(signal: Tensor, time: Tensor | None = None) -> float:
@@ -43,7 +44,7 @@ def noise_std(signal: Tensor, time: Tensor | None = None) -> float:
     signal = signal.double()
     time = torch.arange(len(signal)) if time is None else time / torch.diff(time).median()
     floor = min(float(_differences(time.double(), signal, order).abs().median()) for order in _ORDERS)
-    return max(_MAD_TO_STD * floor, quantum(signal) / math.sqrt(12))
+    return max(MAD_TO_STD * floor, quantum(signal) / math.sqrt(12))
 
 
 def _differences(time: Tensor, signal: Tensor, order: int) -> Tensor:

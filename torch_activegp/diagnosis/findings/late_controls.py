@@ -40,7 +40,7 @@ def doubt_rows(explanation: Explanation) -> list[str]:
     moved = dataclasses.replace(shooting, engine=explanation.engine, segments=segments, offset=None)
     # where a row earlier explains nothing, fits to all segments go on for long
     part = shooting.subset(enough(explanation.engine, segments), selection.nominal.per_segment)[1]
-    for which in (part, np.arange(segments.size)):
+    for which in (*([part] if len(part) < segments.size else []), np.arange(segments.size)):
         some, nominal, best = moved.pick(which), selection.nominal.pick(which), selection.best.pick(which)
         nameless = some.fit([((), ())], nominal.starts)[0]
         named = some.fit([(best.effects, best.values)], best.starts)[0] if best.effects else nameless

@@ -93,7 +93,7 @@ def _told(chi2: Array) -> list[float | None]:
 def _affordable(shooting: Shooting) -> tuple[Shooting, NDArray[np.int64]]:
     seconds = float(shooting.segments.dt.sum(1).mean())
     most = _MOST_BINS / (seconds / _BIN * len(shooting.engine.channels.joints))
-    return shooting.subset(min(most / shooting.segments.size, 1.0))
+    return shooting.subset(most / shooting.segments.size)
 
 
 def _bins(shooting: Shooting, fit: Fit) -> Bins:

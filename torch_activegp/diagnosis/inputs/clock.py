@@ -11,6 +11,7 @@ import torch
 from numpy.typing import NDArray
 
 from torch_activegp.data import Recording, noise_std, unwrap_angles
+from torch_activegp.data.noise import MAD_TO_STD
 from torch_activegp.diagnosis.inputs.runs import MISSING, Array, Channels
 from torch_activegp.diagnosis.inputs.smoothing import smooth
 
@@ -78,7 +79,7 @@ class Clock:
         found, right = (
             np.where(self.following, np.diff(x, n=_ORDER), 0.0) / size for x in (position, speed * self.off)
         )
-        noise = 1.4826 * float(np.median(np.abs(found[self.following]))) if self.following.any() else 0.0
+        noise = MAD_TO_STD * float(np.median(np.abs(found[self.following]))) if self.following.any() else 0.0
         if noise <= 0.0:
             return np.zeros((1, 2))
         usable = np.abs(found) < _APART * (noise + np.abs(right))
@@ -139,13 +140,12 @@ def truer_times(recordings: Sequence[Recording], channels: Channels) -> tuple[li
         The same recordings, and an empty sentence, where the times are right or even, or nothing tells.
     """
     hinges = [joint for joint, hinge in zip(channels.joints, channels.hinge, strict=True) if hinge]
-    every = {i: Clock.of(recording.time.numpy()) for i, recording in enumerate(recordings)}
-    clocks = {i: clock for i, clock in every.items() if clock is not None}
-    sums = {
-        i: np.concatenate([clock.shown(run.time.numpy(), run[f"qpos.{joint}"].numpy()) for joint in channels.joints])
-        for i, clock in clocks.items()
-        for run in [unwrap_angles(recordings[i], hinges)]
-    }
+    clocks, sums = {}, {}
+    for i, recording in enumerate(recordings):
+        time = recording.time.numpy()
+        if (clock := Clock.of(time)) is not None:
+            run, clocks[i] = unwrap_angles(recording, hinges), clock
+            sums[i] = np.concatenate([clock.shown(time, run[f"qpos.{joint}"].numpy()) for joint in channels.joints])
     if not sums:
         return [*recordings], ""
     whole, each = Shown.by(np.concatenate([*sums.values()])), {i: Shown.by(some) for i, some in sums.items()}

@@ -45,4 +45,4 @@ def telling(whole: Shooting, working: Shooting, nominal: Fit, here: Fit) -> NDAr
         return np.arange(segments.size)
     bare = working.fit([((), ())], here.starts, CREEPS, near=here)[0]  # discretisation alone tells nothing
     excess = (min(bare.chi2, nominal.chi2 * working.dof / whole.dof) - working.dof) * whole.dof / working.dof
-    return whole.subset(min(max(share, _PLENTY / max(excess, 1.0)), 1.0))[1]
+    return whole.subset(max(share, _PLENTY / max(excess, 1.0)))[1]

@@ -126,7 +126,7 @@ def _seen(shooting: Shooting, fit: Fit, gain: float) -> tuple[Shooting, Fit]:
 
 def _enough(shooting: Shooting, gain: float) -> tuple[Shooting, NDArray[np.int64]]:
     """A part of the data on which an effect still gains much, and its segments."""
-    return shooting.subset(min(max(_PLENTY / max(gain, 1.0), PART), 1.0))
+    return shooting.subset(max(_PLENTY / max(gain, 1.0), PART))
 
 
 def _same_or_more(effect: Effect, than: Effect) -> bool:
