@@ -2,19 +2,14 @@ from __future__ import annotations
 
 import dataclasses
 
-import mujoco
 import numpy as np
 import pytest
 
-from torch_activegp.data import Recording
 from torch_activegp.diagnosis.findings import forecast
+from torch_activegp.diagnosis.findings.beginnings import Beginnings
 from torch_activegp.diagnosis.findings.forecast import PAD, SEEN, STEP, compare, free_run, one_step
-from torch_activegp.diagnosis.inputs.machine import make_machine
-from torch_activegp.diagnosis.inputs.segments import Segments, cut
-from torch_activegp.diagnosis.noise.model import NoiseModel
-from torch_activegp.diagnosis.shooting.likelihood import Shooting
+from torch_activegp.diagnosis.inputs.segments import Segments
 from torch_activegp.diagnosis.simulation.candidate import NOMINAL, Candidate
-from torch_activegp.diagnosis.simulation.engine import Engine
 
 
 @pytest.fixture(scope="module")
@@ -157,8 +152,8 @@ def test_a_model_that_does_not_follow_a_run_is_begun_from_longer_beginnings_too(
 
     def spy(*arguments):
         seen.append(arguments[-1])
-        starts, chi2 = followed(*arguments)
-        return (starts + 0.3, chi2 * 2.0) if len(seen) == 1 and lost else (starts, chi2)
+        starts, paths = followed(*arguments)
+        return (starts + 0.3, paths + 0.3) if len(seen) == 1 and lost else (starts, paths)
 
     monkeypatch.setattr(forecast, "_followed", spy)
     monkeypatch.setattr(forecast, "_FIRST", 0.5)
@@ -173,98 +168,13 @@ def test_a_model_that_does_not_follow_a_run_is_begun_from_longer_beginnings_too(
     np.testing.assert_allclose(other[1], plain[1], atol=1e-3)
 
 
-@pytest.mark.parametrize(("damping", "substeps"), [(0.1, 2), (1.0, 8), (4.0, 40)])
-def test_initial_states_are_fitted_in_longer_steps_where_these_do(damping: float, substeps: int, monkeypatch) -> None:
-    """Runge-Kutta of a stiff joint diverges in them: in 5 ms, and in 1.25 ms; there the engine itself fits."""
-    xml = f"""<mujoco><option timestep="0.00025" integrator="RK4"/><worldbody><body>
-    <joint name="x" damping="{damping}"/><inertial pos="0 0 0" mass="1" diaginertia="1e-3 1e-3 1e-3"/>
-    </body></worldbody>
-    <actuator><motor name="m" joint="x"/></actuator></mujoco>"""
-    model, rng = mujoco.MjModel.from_xml_string(xml), np.random.default_rng(0)
-    data, positions, time = mujoco.MjData(model), [], np.arange(401) / 100
-    control = damping * np.sin(7.0 * time)
-    for force in control:
-        positions.append(data.qpos[0])
-        data.ctrl[:] = force
-        mujoco.mj_step(model, data, 40)
-    columns = {"time": time, "qpos.x": np.array(positions) + 1e-3 * rng.normal(size=401), "ctrl.m": control}
-    machine = make_machine(model, [recording := Recording.from_columns("run", columns)], [recording])
-    engine, noise = Engine(machine.model, machine.channels, 40, 1), NoiseModel.white(np.array([1e-3]))
-    used, fit = set(), Shooting.fit
-    monkeypatch.setattr(Shooting, "fit", lambda self, *a, **k: used.add(self.engine.substeps) or fit(self, *a, **k))
-    overall, _ = compare({"before": (engine, NOMINAL)}, machine.fit, ["x"], noise)
-    for kind in ("one_step", "free_run"):
-        assert overall[kind]["before"] < 1.3 * overall[kind]["noise"]
-    assert max(used) == substeps
-
-
-def test_steps_that_misled_about_a_model_are_not_tried_with_it_again(bench, truth, monkeypatch) -> None:
-    fine = Engine(bench.machine.model, bench.engine.channels, 8, 1, int(mujoco.mjtIntegrator.mjINT_RK4))
-    begin = forecast._Beginnings(fine, bench.shooting.noise, [NOMINAL, truth], 0.005)
-    whole = cut(bench.machine.holdout, 1e9, 0.0)
-    asked: list[tuple[int, int]] = []
-    fit = Shooting.fit
-    monkeypatch.setattr(
-        Shooting,
-        "fit",
-        lambda self, sets, *a, **k: asked.append((self.engine.substeps, len(sets))) or fit(self, sets, *a, **k),
-    )
-    monkeypatch.setattr(
-        forecast, "_agrees", lambda _, fits: np.array([bool(one.effects) for one in fits])
-    )  # the nominal is misled
-    first = begin.fit(whole, fine.starts(whole))
-    assert asked == [(1, 2), (4, 1), (8, 1)]
-    assert first.shape == (2, whole.size, 2)
-    asked.clear()
-    again = begin.fit(whole, first)
-    assert asked == [(1, 1), (8, 1)]
-    np.testing.assert_allclose(again[0], first[0], atol=1e-3)
-    asked.clear()
-    begin.of(np.array([0])).fit(whole, fine.starts(whole))
-    assert asked == [(8, 1)]
-
-
-def test_only_steps_of_runge_kutta_are_made_longer(bench, clean) -> None:
-    model, channels = bench.machine.model, bench.engine.channels
-    fine = Engine(model, channels, 8, 1, int(mujoco.mjtIntegrator.mjINT_RK4))
-    longer = fine.in_longer_steps(0.00125, 0.005)
-    assert (longer.substeps, fine.substeps, longer.work) == (4, 8, 0.0)
-    assert fine.in_longer_steps(0.0001, 0.005) is fine
-    other = Engine(model, channels, 8, 1, int(mujoco.mjtIntegrator.mjINT_EULER))
-    assert other.in_longer_steps(0.00125, 0.005) is other
-
-
-@pytest.mark.parametrize("lost", [False, True])
-def test_a_first_speed_that_was_smoothed_wrongly_is_not_the_guess(bench, truth, lost: bool) -> None:
-    """By a coarse clock the smoothed recording begins at any speed: a line through the first recorded rows is tried."""
-    run, whole = bench.machine.holdout[0], cut([bench.machine.holdout[0]], 1e9, PAD)
-    begin = forecast._Beginnings(bench.engine, bench.shooting.noise, [NOMINAL, truth], 0.01)
-    recorded, position = np.ones(len(run), dtype=bool), run.position.copy()
-    if lost:  # rows of which nothing is known are on no line
-        recorded[1:3], position[1:3] = False, position[1:3] + 100.0
-    wrong = dataclasses.replace(run, position=position, recorded=recorded, velocity=run.velocity + 300.0)
-    right = bench.engine.starts(whole)
-    found = begin.guess(cut([wrong], 1e9, PAD))
-    assert found.shape == (2, 1, 2)
-    after = np.arange(len(run)) >= 5  # which a forecast of them must not see
-    unseen = dataclasses.replace(wrong, position=np.where(after[:, None], 50.0, position))
-    head = dataclasses.replace(cut([unseen], 1e9, PAD), counts=~after[None])
-    along = forecast._along_lines(bench.engine, head, bench.engine.starts(head))
-    np.testing.assert_allclose(along[0], right[0], atol=0.5)
-    np.testing.assert_allclose(found[..., 1], right[0, 1], atol=0.5)
-    np.testing.assert_allclose(found[..., 0], right[0, 0], atol=0.05)
-    shooting = Shooting(bench.engine, whole, bench.shooting.noise)
-    both = [forecast._chi2(shooting, [NOMINAL, truth], some) for some in (begin.guess(whole), np.stack([right] * 2))]
-    assert (both[0] <= both[1]).all()
-
-
 def test_forecasts_begin_with_that_guess(bench, truth, monkeypatch) -> None:
     """Without a fit they end where they began."""
 
-    def begun(self: forecast._Beginnings, _: Segments, starts: np.ndarray) -> np.ndarray:
+    def begun(self: Beginnings, _: Segments, starts: np.ndarray) -> np.ndarray:
         return np.broadcast_to(starts, (len(self.candidates), *starts.shape[-2:])).copy()
 
-    monkeypatch.setattr(forecast._Beginnings, "fit", begun)
+    monkeypatch.setattr(Beginnings, "fit", begun)
     run, noise = bench.machine.holdout[0], bench.shooting.noise
     wrong = dataclasses.replace(run, velocity=run.velocity + 300.0)
     assert np.abs(one_step(bench.engine, [truth], [wrong], noise)[0][0]).max() < 1.0

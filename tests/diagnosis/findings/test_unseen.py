@@ -106,6 +106,22 @@ def test_a_run_in_which_a_small_change_grows_is_not_predictable() -> None:
     assert is_predictable(engine, NOMINAL, [high, low], np.array([calm, calm])).tolist() == [False, True]
 
 
+@pytest.mark.parametrize(("stiffness", "asked"), [(10.0, [2]), (1e6, [2, 20])])
+def test_changes_that_grow_in_long_time_steps_are_looked_at_in_short_ones(stiffness, asked, monkeypatch) -> None:
+    """Of a spring that Runge-Kutta lets fly apart in steps of 5 ms and follows in 0.5 ms."""
+    spring = f"""<mujoco><worldbody><body><joint name="reed" type="slide" stiffness="{stiffness}" damping="10"/>
+      <geom type="sphere" size="0.1" mass="1"/></body></worldbody></mujoco>"""
+    model = mujoco.MjModel.from_xml_string(spring)
+    time = np.arange(201) / 100
+    columns = {"time": time, "qpos.reed": 1e-3 * np.sin(time)}
+    machine = make_machine(model, [Recording.from_columns("still", columns)], [])
+    engine = Engine(model, substeps=20, channels=machine.channels, integrator=int(mujoco.mjtIntegrator.mjINT_RK4))
+    simulated, plain = [], Engine.predict
+    monkeypatch.setattr(Engine, "predict", lambda self, *args: simulated.append(self.substeps) or plain(self, *args))
+    assert is_predictable(engine, NOMINAL, machine.fit, [[0.0, 0.0]]).tolist() == [True]
+    assert simulated == asked
+
+
 def test_a_run_that_nothing_forecasts_refutes_nothing_and_a_note_says_so(bench) -> None:
     """Of runs with one name too."""
     (kept,) = bench.machine.holdout

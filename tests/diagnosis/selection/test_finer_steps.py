@@ -57,6 +57,30 @@ def test_a_name_stays_where_shorter_steps_do_not_do_as_well(leaning, monkeypatch
     assert nameless_in_finer_steps(numerics, shooting, named(leaning, 0.5)) is None
 
 
+@pytest.mark.parametrize(("part", "all_asked"), [(0.75, True), (0.25, False)])
+def test_shorter_steps_that_gain_little_of_it_on_a_part_are_not_fitted_to_all(
+    leaning, monkeypatch, part, all_asked
+) -> None:
+    numerics, shooting, _, effect = leaning
+    monkeypatch.setattr("torch_activegp.diagnosis.selection.finer_steps._SMALL", 1e9)
+    many = cut(shooting.segments.runs, 0.1, 0.0)
+    shooting = dataclasses.replace(shooting, segments=many)
+    nominal = shooting.fit([((), ())], shooting.engine.starts(many))[0]
+    finest = dataclasses.replace(shooting, engine=numerics.finer[-1]).fit([((), ())], nominal.starts)[0]
+    gained = (nominal.per_segment - finest.per_segment) / part  # of what names gain, the finest steps gain a part
+    best = named((numerics, shooting, nominal, effect), 1.0).best
+    best = dataclasses.replace(best, chi2=nominal.chi2 - gained.sum(), per_segment=nominal.per_segment - gained)
+    fitted = []
+    plain = Shooting.fit
+    monkeypatch.setattr(
+        Shooting, "fit", lambda self, *args, **keys: fitted.append(self.segments.size) or plain(self, *args, **keys)
+    )
+    selection = Selection(nominal, [nominal, best], Score(shooting.samples, 60, 1.0))
+    assert nameless_in_finer_steps(numerics, shooting, selection) is None
+    assert (many.size in fitted) is all_asked
+    assert min(fitted) < many.size
+
+
 def test_it_is_asked_only_where_little_is_missing_and_something_touches(leaning, bench, monkeypatch) -> None:
     numerics, shooting, nominal, _ = leaning
     for part, asked in ((1.01, True), (0.99, False)):

@@ -263,6 +263,16 @@ def test_a_rotor_is_carried_along_the_recording_behind_the_control_of_its_candid
     assert not np.allclose(found[:size, 1][later], found[size:, 1][later])
 
 
+def test_only_steps_of_runge_kutta_are_made_longer(bench) -> None:
+    model, channels = bench.machine.model, bench.engine.channels
+    fine = Engine(model, channels, 8, 1, int(mujoco.mjtIntegrator.mjINT_RK4))
+    longer = fine.in_longer_steps(0.00125, 0.005)
+    assert (longer.substeps, fine.substeps, longer.work) == (4, 8, 0.0)
+    assert fine.in_longer_steps(0.0001, 0.005) is fine
+    other = Engine(model, channels, 8, 1, int(mujoco.mjtIntegrator.mjINT_EULER))
+    assert other.in_longer_steps(0.00125, 0.005) is other
+
+
 def test_a_gap_is_the_same_in_longer_steps_of_runge_kutta(bench, monkeypatch) -> None:
     """Half a step earlier, impacts are no later than they are: that halves the error."""
     candidate = Candidate((bench.effect("backlash"),), (np.array([0.2]),))
