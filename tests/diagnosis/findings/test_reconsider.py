@@ -2,6 +2,7 @@ from __future__ import annotations
 
 import dataclasses
 
+import numpy as np
 import pytest
 
 from torch_activegp.diagnosis.findings.reconsider import reconsider
@@ -69,3 +70,21 @@ def test_without_a_name_held_out_runs_must_not_be_far_off(bench, explanation, ve
         assert "but not those held out: the free run of kept" in said[1].unforeseen
         assert said[1].notes == ("a note",)
         assert said[0].shooting.segments.runs == bench.machine.holdout
+
+
+@pytest.mark.parametrize("touches", [False, True])
+def test_one_step_of_a_run_that_cannot_be_forecast_counts_unless_something_touches_in_it(
+    bench, explanation, verdict, touches, monkeypatch
+) -> None:
+    asked = []
+
+    def touching(model, channels, runs):
+        asked.append(runs)
+        return np.zeros((2, 1)), np.array([False, touches])
+
+    monkeypatch.setattr("torch_activegp.diagnosis.findings.reconsider.poses_that_touch", touching)
+    nothing = Verdict(dataclasses.replace(verdict.judgement, verdict="none", fit=bench.nominal), None, ())
+    wild = {"runs": [{**entry, "predictable": False} for entry in held_out(FAR, FAR)["runs"]]}
+    said = reconsider(bench.machine, explanation, nothing, bench.nominal, wild)
+    assert (said is None) is touches
+    assert asked == [bench.machine.holdout]

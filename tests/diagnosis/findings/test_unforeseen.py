@@ -8,7 +8,6 @@ import pytest
 
 from torch_activegp.diagnosis import diagnose
 from torch_activegp.diagnosis.findings.unforeseen import seen_there, surprise
-from torch_activegp.diagnosis.findings.unseen import foreseeable
 from torch_activegp.diagnosis.findings.verdict import decide
 from torch_activegp.diagnosis.inputs.runs import Run
 from torch_activegp.diagnosis.inputs.segments import cut
@@ -41,10 +40,16 @@ def said(free: float, step: float, predictable: bool = True) -> dict:
     ],
 )
 def test_held_out_runs_far_above_the_noise_are_a_surprise(bench, free, step, words) -> None:
-    why = surprise(foreseeable(said(free, step)), bench.shooting)
+    why = surprise(said(free, step)["runs"], bench.shooting)
     assert (why is None) is (words is None)
     assert why is None or words in why
-    assert surprise(foreseeable(said(free, step, predictable=False)), bench.shooting) is None
+
+
+@pytest.mark.parametrize(("step", "touches", "tells"), [(0.02, False, False), (0.14, False, True), (0.14, True, False)])
+def test_of_a_run_that_cannot_be_forecast_one_step_tells_where_nothing_touches(bench, step, touches, tells) -> None:
+    why = surprise(said(10.0, step, predictable=False)["runs"], bench.shooting, touches)
+    assert (why is not None) is tells
+    assert why is None or "a forecast by one step of kept is off by 0.14" in why
 
 
 def test_a_joint_that_stands_still_has_no_motion_to_be_off_by(bench) -> None:
@@ -56,7 +61,7 @@ def test_a_joint_that_stands_still_has_no_motion_to_be_off_by(bench) -> None:
 
 
 def test_where_noise_may_be_louder_than_its_floor_more_is_no_surprise(bench) -> None:
-    held_out = foreseeable(said(0.08, 0.02))
+    held_out = said(0.08, 0.02)["runs"]
     coloured = dataclasses.replace(bench.shooting, noise=NoiseModel(bench.shooting.noise.scale, np.array([[0.6, 0.0]])))
     assert surprise(held_out, bench.shooting) is not None
     assert surprise(held_out, coloured) is None

@@ -12,6 +12,7 @@ from torch_activegp.diagnosis.findings.verdict import Verdict
 from torch_activegp.diagnosis.inputs.machine import Machine
 from torch_activegp.diagnosis.selection.explain import Explanation
 from torch_activegp.diagnosis.shooting.fit import Fit
+from torch_activegp.diagnosis.simulation.touching import poses_that_touch
 
 
 def reconsider(
@@ -30,9 +31,12 @@ def reconsider(
         chosen: the set whose names would be.
         holdout: errors on the held-out runs, :func:`~torch_activegp.diagnosis.findings.unseen.marked`.
     """
-    shooting, entries = explanation.shooting, foreseeable(holdout)
+    shooting = explanation.shooting
     if chosen.effects:
-        why = reservation(shooting, chosen, machine.doubts) or refutation(entries)
+        why = reservation(shooting, chosen, machine.doubts) or refutation(foreseeable(holdout))
         return None if why is None else (explanation, taken_back(verdict, why))
-    why = surprise(entries, shooting) if verdict.judgement.verdict == "none" else None
+    if verdict.judgement.verdict != "none":
+        return None
+    touches = poses_that_touch(machine.model, machine.channels, machine.holdout)[1].any()
+    why = surprise(holdout["runs"], shooting, bool(touches))
     return None if why is None else seen_there(explanation, verdict, machine.holdout, why)
