@@ -214,7 +214,7 @@ def test_less_may_be_left_behind_many_corrections_of_a_tuning(bench, monkeypatch
     assert judged.verdict == verdict
 
 
-def test_much_of_the_rest_is_named_however_little_of_the_whole(bench, monkeypatch) -> None:
+def test_much_of_the_rest_is_named_however_little_of_the_whole_where_nothing_was_tuned(bench, monkeypatch) -> None:
     monkeypatch.setattr(
         "torch_activegp.diagnosis.selection.judge.is_certain", lambda *_, **__: True
     )  # the second is all made up
@@ -224,11 +224,16 @@ def test_much_of_the_rest_is_named_however_little_of_the_whole(bench, monkeypatc
     one = dataclasses.replace(bench.fit("viscous_friction", 0.05), chi2=4.0 * both.chi2)
     other = dataclasses.replace(bench.fit("constant_force", 0.01), chi2=5.0 * both.chi2)
     names = {}
-    for scale in (1.0, 5.0):
+    for scale, tuned in ((1.0, ()), (5.0, ()), (5.0, (bench.effect("actuator_gain", "actuator:drive"),))):
+        monkeypatch.setattr(
+            "torch_activegp.diagnosis.selection.judge._split", lambda *_, tuned=tuned: ([*effects], tuned)
+        )
         score = Score(bench.shooting.samples, 20, scale, 1e9 if scale > 1 else 1e3)
-        chosen = Selection(nominal, [nominal, both, one, other], score)
-        names[scale] = [effect.name for effect in judge(bench.shooting, chosen).named]
-    assert names == {1.0: ["viscous_friction"], 5.0: ["viscous_friction", "constant_force"]}
+        judged = judge(bench.shooting, Selection(nominal, [nominal, both, one, other], score))
+        names[scale, bool(tuned)] = [effect.name for effect in judged.named]
+        assert set(judged.retuned) == {*tuned, *effects} - set(judged.named)
+    strong = ["viscous_friction"]
+    assert names == {(1.0, False): strong, (5.0, False): [*strong, "constant_force"], (5.0, True): strong}
 
 
 def test_a_friction_behind_a_tuning_may_be_one_of_two_levels(bench, monkeypatch) -> None:

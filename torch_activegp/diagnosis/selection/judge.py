@@ -26,7 +26,8 @@ from torch_activegp.diagnosis.shooting.score import TIE
 from torch_activegp.physics.effect import Effect
 
 LEAST_SHARE = 0.002
-"""What explains less of the mismatch stays in the correction and is not named, unless it is much of what is left."""
+"""What explains less of the mismatch stays in the correction and is not named, unless it is much of what is left and
+nothing was tuned: what undoes a tuning may be weak. A rod's mass, tuned 0.1 % too high, was an armature of 0.0004."""
 INADEQUATE = 0.15
 """A set that leaves more of the mismatch than this does not explain it."""
 SEEN = 0.06
@@ -169,7 +170,7 @@ def judge(shooting: Shooting, selection: Selection) -> Judgement:
     named, tuned = _split(shooting, selection, rivals, within)
     order, shares = _shares(shooting, selection, named, 1.0 - unexplained)
     worth = 2.0 * score.least * score.scale / max(gain, 1e-300) if score.inadequate else score.material
-    least = min(LEAST_SHARE, worth)
+    least = LEAST_SHARE if tuned else min(LEAST_SHARE, worth)
     kept = [i for i, share in enumerate(shares) if share >= least] or [0]
     count, plain = len(kept), not tuned and len(kept) == len(order)
     certain = [i for i in kept if is_certain(shooting, best, [order[i]])]
