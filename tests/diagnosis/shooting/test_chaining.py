@@ -133,7 +133,7 @@ def test_to_be_at_rest_is_tried_once(two, monkeypatch) -> None:
     fit_segments, at_rest = Shooting.fit, [start for start in _at_rest(two)]
 
     def listen(self, sets, starts, *args, **kwargs):
-        tried.extend(start.tobytes() for start in starts if kwargs.get("hold"))
+        tried.extend(start.tobytes() for way in starts for start in way if kwargs.get("hold"))
         return fit_segments(self, sets, starts, *args, **kwargs)
 
     fit = two.fit([((), ())], two.engine.starts(two.segments))[0]

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+from collections.abc import Sequence
 
 import numpy as np
 from numpy.typing import NDArray
@@ -41,8 +42,8 @@ def chained(shooting: Shooting, fit: Fit) -> Fit:
         if not out.any() or fit.design is None:
             break
         known = fit
-        for states in [_continued(shooting, fit), *([] if number else _at_rest(shooting))]:  # rest ends as before
-            fit = _tried(shooting, fit, out, states)
+        ways = [_continued(shooting, fit), *([] if number else _at_rest(shooting))]  # rest ends as before
+        fit = _tried(shooting, fit, out, ways)
         if fit is known:
             break
     return shooting.fit([(fit.effects, fit.values)], fit.starts)[0] if fit is not before and fit.effects else fit
@@ -62,18 +63,23 @@ def borrowed(shooting: Shooting, fit: Fit, other: Fit) -> Fit:
     worse = fit.per_segment > other.per_segment + _BETTER
     if not worse.any():
         return fit
-    found = _tried(shooting, fit, worse, other.starts)
+    found = _tried(shooting, fit, worse, [other.starts])
     if found is fit or not fit.effects:
         return found
     return min(found, shooting.fit([(fit.effects, fit.values)], found.starts)[0], key=lambda one: one.chi2)
 
 
-def _tried(shooting: Shooting, fit: Fit, where: NDArray[np.bool_], starts: Array) -> Fit:
-    """The fit with some of its segments ``(S,)`` begun at some states ``(S, n)`` where that is better."""
+def _tried(shooting: Shooting, fit: Fit, where: NDArray[np.bool_], ways: Sequence[Array]) -> Fit:
+    """The fit with some of its segments ``(S,)`` begun at states ``(S, n)``, any of several ways, where that is better.
+
+    They are tried side by side: a few segments of a machine that stops in each time step take as long as many.
+    """
     which = np.flatnonzero(where)
-    other = shooting.pick(which).fit([(fit.effects, fit.values)], starts[which], rounds=_STEPS, hold=True)[0]
-    better = other.per_segment < fit.per_segment[which] - _BETTER
-    return _with(fit, which[better], other.pick(better)) if better.any() else fit
+    sets, starts = [(fit.effects, fit.values)] * len(ways), np.stack([states[which] for states in ways])
+    for other in shooting.pick(which).fit(sets, starts, rounds=_STEPS, hold=True):
+        better = other.per_segment < fit.per_segment[which] - _BETTER
+        fit = _with(fit, which[better], other.pick(better)) if better.any() else fit
+    return fit
 
 
 def _with(fit: Fit, which: NDArray[np.int64], part: Fit) -> Fit:
