@@ -68,6 +68,19 @@ def test_stamps_of_an_even_clock_that_scatter_are_made_even(options: dict) -> No
     assert moved["qpos.hip"].equal(run["qpos.hip"])
 
 
+@pytest.mark.parametrize(("lost", "scatter"), [(0.0, 0.27), (0.2, 0.25)])
+def test_rows_are_counted_by_more_than_the_step_between_two_of_them(lost: float, scatter: float) -> None:
+    """Neighbours that are stamped far apart miss none between them, those that are near each other may."""
+    rng = np.random.default_rng(0)
+    rows = np.arange(4000)[rng.random(4000) >= lost]
+    time = STEP * (rows + rng.uniform(-scatter, scatter, size=len(rows)))
+    alone = np.maximum(np.rint(np.diff(time) / np.median(np.diff(time))), 1.0)
+    assert (alone != np.diff(rows)).any()
+    clock = Clock.of(time)
+    assert clock is not None
+    np.testing.assert_allclose(clock.even, STEP * rows, atol=0.05 * STEP)
+
+
 def test_what_leaps_does_not_hide_the_clock() -> None:
     run, taken = recorded(stamped=4e-4)
     hip = run["qpos.hip"].clone()

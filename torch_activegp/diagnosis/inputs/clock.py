@@ -19,6 +19,10 @@ _ORDER = 6
 """Of the differences between rows, which no motion outlasts."""
 _EVEN = 1e-3
 """Part of a row's length by which the times of an even clock scatter at most."""
+_AROUND, _DOUBT, _ROUNDS = (1, 3, 5), 0.3, 3
+"""Steps in a row by which it is told whether a row is missing in the middle one, where that is in doubt: so much of a
+row from whole ones. Of 80000 steps that scatter by 0.25 of a row with one row in five missing, 384 were told wrongly by
+the length of each alone, and none so; by 0.3 of a row, 1061 and 293."""
 _LASTS, _SLOW = 16, 3.0
 """Means of so many rows that vary by so many times what they would of scatter are of a clock that wanders."""
 _APART = 6.0
@@ -52,8 +56,7 @@ class Clock:
         count = len(time) // _LASTS
         if count < 2:
             return None
-        steps = np.diff(time) / np.median(np.diff(time))
-        rows = np.concatenate([[0.0], np.cumsum(np.where(steps <= MISSING + 1e-6, 1.0, np.rint(steps)))])
+        rows = np.concatenate([[0.0], np.cumsum(_rows_in(np.diff(time)))])
         slope, first = np.polyfit(rows, time, 1)
         even = first + slope * rows
         off = time - even
@@ -122,6 +125,23 @@ class Shown:
         """
         told = self.blocks >= _BLOCKS and self.share + _SURE * self.error < 1.0
         return told and -_SURE * self.error < self.share < _SHOWS
+
+
+def _rows_in(steps: Array) -> Array:
+    """How many rows of an even clock there are in each of some steps between recorded rows, ``(T - 1,)``.
+
+    Two neighbours that scatter apart are as far from each other as if one were missing between them, but not so their
+    neighbours: one step of 1.504 rows in 1199 made a clock seem to wander. Nor is the median step one row where many
+    are missing.
+    """
+    usual = float(np.median(steps))
+    for _ in range(_ROUNDS):
+        counts = np.where(steps <= (MISSING + 1e-6) * usual, 1.0, np.rint(steps / usual))
+        left = steps / usual - counts
+        around = np.median([np.convolve(left, np.ones(width), "same") for width in _AROUND], axis=0)
+        counts = np.where(np.abs(left) > _DOUBT, np.maximum(np.rint(counts + around), 1.0), counts)
+        usual = float(steps.sum() / counts.sum())
+    return np.asarray(counts)
 
 
 def truer_times(recordings: Sequence[Recording], channels: Channels) -> tuple[list[Recording], str]:
