@@ -42,6 +42,7 @@ def also_weak(
     (:data:`~torch_activegp.diagnosis.shooting.score.MATERIAL`). But no such difference becomes noise by one more
     effect: a spring beside a payload explained 0.003 of the mismatch, which was 1200 in chi2, and left nothing but
     noise. Nor by a law with more parameters: Stribeck friction in place of Coulomb's explained as much, which was 235.
+    Nor by as many other names: a spring and a push, for a tilt and a push elsewhere, left 912 less of 757 thousand.
     Where all that is left looks like noise already, a test of that law alone sees it yet.
 
     Not behind a rotor whose place no recording holds: what that leaves, a tenth of the noise behind the true gap of a
@@ -55,7 +56,7 @@ def also_weak(
 
     Returns:
         The same selection where nothing was found; else one whose best set has more names, perhaps others, or as many
-        with more parameters; or one that scores better by what is worth a name anyway.
+        and no fewer parameters; or one that scores better by what is worth a name anyway.
     """
     best, score = selection.best, selection.score
     too_much = (score.scale - 1.0) * shooting.dof > MATERIAL * score.mismatch
@@ -76,7 +77,7 @@ def also_weak(
     _unstuck(shooting, weak)
     weak.cut_short = selection.cut_short  # this one looks for more than is promised
     more = weak.score.names_in(weak.best.effects) - score.names_in(best.effects)
-    richer = more > 0 or (more == 0 and weak.best.size > best.size)
+    richer = more > 0 or (more == 0 and weak.best.size >= best.size)
     if richer and _leaves_noise(before, omnibus(shooting, weak.best)):
         return weak
     return _with_better(selection, weak.fits, shooting.dof)
