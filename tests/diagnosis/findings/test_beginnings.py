@@ -8,7 +8,7 @@ import pytest
 
 from torch_activegp.data import Recording
 from torch_activegp.diagnosis.findings import beginnings
-from torch_activegp.diagnosis.findings.beginnings import Beginnings, along_lines, chi2_of
+from torch_activegp.diagnosis.findings.beginnings import Beginnings, along_lines, left_by
 from torch_activegp.diagnosis.findings.forecast import PAD, compare
 from torch_activegp.diagnosis.inputs.machine import make_machine
 from torch_activegp.diagnosis.inputs.segments import cut
@@ -72,6 +72,12 @@ def test_steps_that_misled_about_a_model_are_not_tried_with_it_again(bench, trut
     asked.clear()
     begin.of(np.array([0])).fit(whole, fine.starts(whole))
     assert asked == [(8, 1)]
+    compared, predict = [], Engine.predict
+    monkeypatch.setattr(
+        Engine, "predict", lambda self, *args: compared.append((self.substeps, len(args[2]))) or predict(self, *args)
+    )
+    np.testing.assert_array_equal(begin.better(whole, first, first + 0.3), first)
+    assert compared == [(4, 2), (8, 2)]  # both guesses of each
 
 
 @pytest.mark.parametrize("lost", [False, True])
@@ -95,7 +101,7 @@ def test_a_first_speed_that_was_smoothed_wrongly_is_not_the_guess(bench, truth, 
     np.testing.assert_allclose(found[..., 0], right[0, 0], atol=0.05)
     shooting = Shooting(bench.engine, whole, bench.shooting.noise)
     both = [
-        chi2_of(shooting, bench.engine.predict(whole, some, [NOMINAL, truth]))
+        left_by(shooting, bench.engine.predict(whole, some, [NOMINAL, truth]))
         for some in (begin.guess(whole), np.stack([right] * 2))
     ]
     assert (both[0] <= both[1]).all()

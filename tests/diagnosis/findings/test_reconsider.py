@@ -72,19 +72,21 @@ def test_without_a_name_held_out_runs_must_not_be_far_off(bench, explanation, ve
         assert said[0].shooting.segments.runs == bench.machine.holdout
 
 
-@pytest.mark.parametrize("touches", [False, True])
-def test_one_step_of_a_run_that_cannot_be_forecast_counts_unless_something_touches_in_it(
-    bench, explanation, verdict, touches, monkeypatch
+@pytest.mark.parametrize(("touches", "box", "other"), [(False, None, True), (True, None, False), (False, "box", False)])
+def test_one_step_of_a_run_that_cannot_be_forecast_counts_unless_something_may_touch_in_it(
+    bench, explanation, verdict, touches, box, other, monkeypatch
 ) -> None:
     asked = []
 
     def touching(model, channels, runs):
-        asked.append(runs)
+        asked.extend(runs)
         return np.zeros((2, 1)), np.array([False, touches])
 
     monkeypatch.setattr("torch_activegp.diagnosis.findings.reconsider.poses_that_touch", touching)
+    run = dataclasses.replace(bench.machine.holdout[0], label="kept")
+    machine = dataclasses.replace(bench.machine, holdout=(run, dataclasses.replace(run, label="calm")), box=box)
     nothing = Verdict(dataclasses.replace(verdict.judgement, verdict="none", fit=bench.nominal), None, ())
     wild = {"runs": [{**entry, "predictable": False} for entry in held_out(FAR, FAR)["runs"]]}
-    said = reconsider(bench.machine, explanation, nothing, bench.nominal, wild)
-    assert (said is None) is touches
-    assert asked == [bench.machine.holdout]
+    said = reconsider(machine, explanation, nothing, bench.nominal, wild)
+    assert (said is not None) is other
+    assert asked == ([run] if box is None else [])  # of the other nobody needs to know

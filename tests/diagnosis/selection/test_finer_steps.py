@@ -81,6 +81,29 @@ def test_shorter_steps_that_gain_little_of_it_on_a_part_are_not_fitted_to_all(
     assert min(fitted) < many.size
 
 
+def test_shorter_steps_need_not_gain_what_names_cost(leaning, monkeypatch) -> None:
+    """Fitted to all where they gain twice what names are worth beyond their price; once where the part is all."""
+    numerics, shooting, nominal, _ = leaning
+    module = "torch_activegp.diagnosis.selection.finer_steps"
+    for name, value in (("_SMALL", 1e9), ("_HALF", 2.0), ("enough", lambda *_: 1.0)):
+        monkeypatch.setattr(f"{module}.{name}", value)
+    score, best = Score(shooting.samples, 60, 100.0), named(leaning, 1.0).best
+    best = dataclasses.replace(best, chi2=0.01 * nominal.chi2, per_segment=0.01 * nominal.per_segment)
+    gained, price = 0.99 * nominal.chi2, score(best) - best.chi2 / score.scale
+    fitted, plain = [], Shooting.fit
+    monkeypatch.setattr(
+        Shooting, "fit", lambda self, *args, **keys: fitted.append(self.segments) or plain(self, *args, **keys)
+    )
+    for part, needless in ((0.8, True), (0.1, False)):
+        fitted.clear()
+        dear = dataclasses.replace(score, scale=part * gained / price)  # what a name costs of its gain
+        assert dear(nominal) > dear(best)
+        found = nameless_in_finer_steps(numerics, shooting, Selection(nominal, [nominal, best], dear))
+        assert (found is not None) is needless
+    long = [some for some in fitted if some.intervals == shooting.segments.intervals]  # the others are brief pieces
+    assert len(long) == 2 * 3
+
+
 def test_it_is_asked_only_where_little_is_missing_and_something_touches(leaning, bench, monkeypatch) -> None:
     numerics, shooting, nominal, _ = leaning
     for part, asked in ((1.01, True), (0.99, False)):

@@ -101,7 +101,7 @@ def test_nothing_weak_is_looked_for_behind_a_rotor_whose_place_no_recording_hold
 
 @pytest.mark.parametrize("name", ["stribeck_friction", "armature_error"])
 @pytest.mark.parametrize("noise_alone", [True, False])
-def test_as_many_names_with_as_many_parameters_are_taken_where_only_noise_is_left_behind_them(
+def test_as_many_names_with_no_fewer_parameters_are_taken_where_only_noise_is_left_behind_them(
     clean, monkeypatch, noise_alone, name
 ) -> None:
     """As Stribeck friction in place of Coulomb's: no further name, and all that was left is gone."""
@@ -118,6 +118,18 @@ def test_as_many_names_with_as_many_parameters_are_taken_where_only_noise_is_lef
     found = also_weak(shooting, chosen, [law])
     assert (found.best is richer) == noise_alone
     assert (found is chosen) != noise_alone
+
+
+def test_the_same_names_from_other_initial_states_are_nothing_weak(clean, monkeypatch) -> None:
+    """Though these leave noise alone: then there was nothing weak to find, and its price is not the selection's."""
+    shooting, chosen = recorded(clean, 0.0025)
+    begun = dataclasses.replace(chosen.best, chi2=0.9 * chosen.best.chi2)
+    monkeypatch.setattr(weak, "search", lambda *_: None)
+    monkeypatch.setattr(weak, "chained", lambda *_: begun)
+    monkeypatch.setattr(weak, "omnibus", lambda _, fit: Omnibus(0.0, 0.5) if fit is begun else Omnibus(1000.0, 1e-9))
+    found = also_weak(shooting, chosen, [])
+    assert found.best is begun
+    assert found.score.material == chosen.score.material
 
 
 @pytest.mark.parametrize(("gain", "more", "told"), [(32.0, 0, True), (28.0, 0, False), (32.0, 1, False)])

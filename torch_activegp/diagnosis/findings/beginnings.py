@@ -52,8 +52,8 @@ class Beginnings:
     ) -> None:
         self.engine, self.noise, self.candidates, self._interval = engine, noise, list(candidates), interval
         longer = [engine.in_longer_steps(seconds, interval) for seconds in _ROUGHLY]
-        self._compared = longer[-1]
         self._forms = list({form.substeps: form for form in (*longer, engine)}.values())  # of the same the last: itself
+        self._compared = [form.substeps for form in self._forms].index(longer[-1].substeps)
         self._first = np.zeros(len(self.candidates), dtype=np.int64) if first is None else first
 
     def of(self, which: NDArray[np.int64]) -> Beginnings:
@@ -69,12 +69,16 @@ class Beginnings:
 
     def better(self, segments: Segments, one: Array, other: Array) -> Array:
         """Of two initial states ``(N, S, nq + nv)`` those from which a candidate follows a segment better."""
-        models, states = [*self.candidates, *self.candidates], np.concatenate([one, other])
-        for form in dict.fromkeys((self._compared, self.engine)):
-            paths = form.predict(segments, states, models)
-            chi2 = chi2_of(Shooting(form, segments, self.noise), paths).reshape(2, *one.shape[:2])
-            if np.isfinite(chi2.min(axis=0)).all():  # else all flies apart in so long steps
-                break
+        asked, chi2 = np.maximum(self._first, self._compared), np.empty((2, *one.shape[:2]))
+        for number, form in enumerate(self._forms):
+            which = np.flatnonzero(asked == number)
+            if not len(which):
+                continue
+            states, shooting = np.concatenate([one[which], other[which]]), Shooting(form, segments, self.noise)
+            paths = form.predict(segments, states, [self.candidates[i] for i in which] * 2)
+            chi2[:, which] = left_by(shooting, paths).reshape(2, len(which), -1)
+            fails = ~np.isfinite(chi2[:, which]).all(axis=(0, 2))
+            asked[which[fails]] = len(self._forms) - 1  # what flies apart in so long steps may not in the engine's
         return np.where((chi2[0] <= chi2[1])[..., None], one, other)
 
     def fit(self, segments: Segments, starts: Array) -> Array:
@@ -108,14 +112,14 @@ def along_lines(engine: Engine, segments: Segments, smooth: Array) -> Array:
     return states
 
 
-def chi2_of(shooting: Shooting, predicted: Array) -> Array:
+def left_by(shooting: Shooting, predicted: Array) -> Array:
     """Chi2 of predictions ``(N, S, K + 1, C)`` for each segment, ``(N, S)``; infinite where a simulation failed."""
-    return np.nan_to_num((shooting.residuals(predicted) ** 2).sum(axis=-1), nan=np.inf)
+    return np.nan_to_num((shooting.residuals(predicted) ** 2).sum(axis=-1), nan=np.inf, posinf=np.inf)
 
 
 def _agrees(shooting: Shooting, fits: Sequence[Fit]) -> NDArray[np.bool_]:
     """Whether a likelihood sees fits that were made with other time steps as those did, ``(N,)``."""
     states = np.stack([fit.starts for fit in fits])
-    chi2 = chi2_of(shooting, shooting.engine.predict(shooting.segments, states, [fit.candidate for fit in fits]))
+    chi2 = left_by(shooting, shooting.engine.predict(shooting.segments, states, [fit.candidate for fit in fits]))
     told = np.stack([fit.per_segment for fit in fits])
     return np.asarray((np.abs(chi2 - told) < _ALIKE * (told + shooting.segments.samples)).all(axis=-1))

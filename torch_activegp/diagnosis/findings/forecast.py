@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from torch_activegp.diagnosis.findings.beginnings import SEEN_ROWS, Beginnings, chi2_of
+from torch_activegp.diagnosis.findings.beginnings import SEEN_ROWS, Beginnings, left_by
 from torch_activegp.diagnosis.inputs.runs import Array, Run, median_step
 from torch_activegp.diagnosis.inputs.segments import Segments, cut, lay
 from torch_activegp.diagnosis.noise.model import NoiseModel
@@ -91,13 +91,13 @@ def free_run(
     begin = Beginnings(engine, noise, candidates, median_step(runs))
     shooting = Shooting(engine, whole, noise)
     starts, paths = _followed(begin, runs, [_FIRST])
-    chi2 = chi2_of(shooting, paths)
+    chi2 = left_by(shooting, paths)
     lost = np.flatnonzero((chi2 > _LOST * whole.samples).any(axis=1))
     doublings = math.ceil(math.log2(max(max(float(run.time[-1]) for run in runs) / _FIRST, 1.0)))
     lengths = [_FIRST * 2.0**n for n in range(1, doublings)]  # the whole comes in the end
     if lost.size and lengths:
         others, there = _followed(begin.of(lost), runs, lengths)
-        nearer = (chi2_of(shooting, there) < chi2[lost])[..., None]
+        nearer = (left_by(shooting, there) < chi2[lost])[..., None]
         starts[lost] = np.where(nearer, others, starts[lost])
         paths[lost] = np.where(nearer[..., None], there, paths[lost])
     return [

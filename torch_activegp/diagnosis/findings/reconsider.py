@@ -10,6 +10,7 @@ from torch_activegp.diagnosis.findings.unforeseen import seen_there, surprise
 from torch_activegp.diagnosis.findings.unseen import foreseeable, refutation, taken_back
 from torch_activegp.diagnosis.findings.verdict import Verdict
 from torch_activegp.diagnosis.inputs.machine import Machine
+from torch_activegp.diagnosis.inputs.runs import Run
 from torch_activegp.diagnosis.selection.explain import Explanation
 from torch_activegp.diagnosis.shooting.fit import Fit
 from torch_activegp.diagnosis.simulation.touching import poses_that_touch
@@ -37,6 +38,16 @@ def reconsider(
         return None if why is None else (explanation, taken_back(verdict, why))
     if verdict.judgement.verdict != "none":
         return None
-    touches = poses_that_touch(machine.model, machine.channels, machine.holdout)[1].any()
-    why = surprise(holdout["runs"], shooting, bool(touches))
+    wild = {entry["run"] for entry in holdout["runs"] if not entry.get("predictable", True)}
+    mute = {run.label for run in machine.holdout if run.label in wild and _touches(machine, run)}
+    why = surprise([entry for entry in holdout["runs"] if entry["run"] not in mute], shooting)
     return None if why is None else seen_there(explanation, verdict, machine.holdout, why)
+
+
+def _touches(machine: Machine, run: Run) -> bool:
+    """Whether something touches in a run, or may: a black box says nothing of it.
+
+    Forecasts by one step fail behind impacts whose begin is not seen: by 6000 times the noise on a leg of which nothing
+    was missing.
+    """
+    return machine.box is not None or bool(poses_that_touch(machine.model, machine.channels, [run])[1].any())

@@ -128,7 +128,7 @@ class Shown:
 
 
 def _rows_in(steps: Array) -> Array:
-    """How many rows of an even clock there are in each of some steps between recorded rows, ``(T - 1,)``.
+    """How many rows of an even clock there are in each of five or more steps between recorded rows, ``(T - 1,)``.
 
     Two neighbours that scatter apart are as far from each other as if one were missing between them, but not so their
     neighbours: one step of 1.504 rows in 1199 made a clock seem to wander. Nor is the median step one row where many

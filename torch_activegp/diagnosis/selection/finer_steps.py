@@ -21,8 +21,8 @@ _SMALL = 2.0
 """Times the noise that a nominal leaves at most for its time steps to be all that is missing: a hammer's left 1.47 in
 steps of 1 ms, and 1.18 in half of that, for 1.16 with a rotor, a gain and a delay."""
 _HALF = 0.5
-"""Part of what the names gain, on some of the segments, that shorter steps gain there at least to be fitted to all. On
-hammers with a delay or a limit they gained nothing, on a leg that was damped a fourth."""
+"""Part of what shorter steps must gain to make names needless, that they gain on some of the segments to be fitted to
+all. On hammers with a delay or a limit they gained nothing, on a leg that was damped a fourth of the names' gain."""
 
 
 def nameless_in_finer_steps(
@@ -46,6 +46,8 @@ def nameless_in_finer_steps(
     if not best.effects or nominal.chi2 > _SMALL * shooting.dof:
         return None
     gained = nominal.per_segment - best.per_segment
+    wanted = score.scale * (score(nominal) - score(best))  # what names gain, less their price
+    least = _HALF * min(wanted / max(nominal.chi2 - best.chi2, 1e-300), 1.0)
     for form in numerics.finer:
         if form.substeps <= shooting.engine.substeps:
             continue
@@ -53,9 +55,9 @@ def nameless_in_finer_steps(
         some, part = finer.subset(enough(form, shooting.segments), gained)
         for starts in (nominal.starts, best.starts, None):
             few = _nameless(some, None if starts is None else starts[part])
-            if nominal.per_segment[part].sum() - few.chi2 < _HALF * gained[part].sum():
+            if nominal.per_segment[part].sum() - few.chi2 < least * gained[part].sum():
                 continue
-            fit = _nameless(finer, starts)
+            fit = few if len(part) == shooting.segments.size else _nameless(finer, starts)
             if score(fit) <= score(best):
                 bare = Selection(fit, [fit], score, selection.cut_short, tunable=selection.tunable)
                 bare.rescale(shooting.dof)

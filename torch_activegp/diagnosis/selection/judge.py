@@ -26,8 +26,8 @@ from torch_activegp.diagnosis.shooting.score import TIE
 from torch_activegp.physics.effect import Effect
 
 LEAST_SHARE = 0.002
-"""What explains less of the mismatch stays in the correction and is not named, unless it is much of what is left and
-nothing was tuned: what undoes a tuning may be weak. A rod's mass, tuned 0.1 % too high, was an armature of 0.0004."""
+"""What explains less of the mismatch stays in the correction and is not named, unless it is much of what is left; never
+behind a tuning, a part of which it may undo: a rod's mass, tuned 0.1 % too high, was an armature of 0.0004."""
 INADEQUATE = 0.15
 """A set that leaves more of the mismatch than this does not explain it."""
 SEEN = 0.06

@@ -55,8 +55,8 @@ def also_weak(
         tell: hears what is being done.
 
     Returns:
-        The same selection where nothing was found; else one whose best set has more names, perhaps others, or as many
-        and no fewer parameters; or one that scores better by what is worth a name anyway.
+        The same selection where nothing was found; else one whose best set has more names, or as many others and no
+        fewer parameters; or one that scores better by what is worth a name anyway.
     """
     best, score = selection.best, selection.score
     too_much = (score.scale - 1.0) * shooting.dof > MATERIAL * score.mismatch
@@ -77,7 +77,8 @@ def also_weak(
     _unstuck(shooting, weak)
     weak.cut_short = selection.cut_short  # this one looks for more than is promised
     more = weak.score.names_in(weak.best.effects) - score.names_in(best.effects)
-    richer = more > 0 or (more == 0 and weak.best.size >= best.size)
+    others = set(weak.best.effects) != set(best.effects) and weak.best.size >= best.size
+    richer = more > 0 or (more == 0 and others)
     if richer and _leaves_noise(before, omnibus(shooting, weak.best)):
         return weak
     return _with_better(selection, weak.fits, shooting.dof)
