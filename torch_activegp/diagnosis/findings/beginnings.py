@@ -12,6 +12,7 @@ from torch_activegp.diagnosis.inputs.segments import Segments
 from torch_activegp.diagnosis.noise.model import NoiseModel
 from torch_activegp.diagnosis.shooting.fit import Fit
 from torch_activegp.diagnosis.shooting.likelihood import Shooting
+from torch_activegp.diagnosis.shooting.point import chi2_of
 from torch_activegp.diagnosis.simulation.candidate import Candidate
 from torch_activegp.diagnosis.simulation.engine import Engine
 
@@ -114,7 +115,7 @@ def along_lines(engine: Engine, segments: Segments, smooth: Array) -> Array:
 
 def left_by(shooting: Shooting, predicted: Array) -> Array:
     """Chi2 of predictions ``(N, S, K + 1, C)`` for each segment, ``(N, S)``; infinite where a simulation failed."""
-    return np.nan_to_num((shooting.residuals(predicted) ** 2).sum(axis=-1), nan=np.inf, posinf=np.inf)
+    return chi2_of(shooting.residuals(predicted), failed=np.inf)
 
 
 def _agrees(shooting: Shooting, fits: Sequence[Fit]) -> NDArray[np.bool_]:

@@ -90,32 +90,31 @@ def free_run(
     whole = cut(runs, 1e9, PAD)
     begin = Beginnings(engine, noise, candidates, median_step(runs))
     shooting = Shooting(engine, whole, noise)
-    starts, paths = _followed(begin, runs, [_FIRST])
+    starts, paths = _followed(begin, whole, [_FIRST])
     chi2 = left_by(shooting, paths)
     lost = np.flatnonzero((chi2 > _LOST * whole.samples).any(axis=1))
     doublings = math.ceil(math.log2(max(max(float(run.time[-1]) for run in runs) / _FIRST, 1.0)))
     lengths = [_FIRST * 2.0**n for n in range(1, doublings)]  # the whole comes in the end
     if lost.size and lengths:
-        others, there = _followed(begin.of(lost), runs, lengths)
+        others, there = _followed(begin.of(lost), whole, lengths)
         nearer = (left_by(shooting, there) < chi2[lost])[..., None]
         starts[lost] = np.where(nearer, others, starts[lost])
         paths[lost] = np.where(nearer[..., None], there, paths[lost])
     return [
-        [(path[i, : len(run)], begin[i]) for i, run in enumerate(runs)]
-        for path, begin in zip(paths, starts, strict=True)
+        [(path[i, : len(run)], first[i]) for i, run in enumerate(runs)]
+        for path, first in zip(paths, starts, strict=True)
     ]
 
 
-def _followed(begin: Beginnings, runs: Sequence[Run], lengths: Sequence[float]) -> tuple[Array, Array]:
+def _followed(begin: Beginnings, whole: Segments, lengths: Sequence[float]) -> tuple[Array, Array]:
     """Initial states ``(N, S, nq + nv)`` that fit whole runs, and the positions from there, ``(N, S, K + 1, C)``.
 
     Args:
         begin: fits the states of N models.
-        runs: S whole runs.
+        whole: the S runs, each in one piece.
         lengths: of the beginnings to which states are fitted first, s, in turn.
     """
-    whole = cut(runs, 1e9, PAD)
-    pieces = [cut(runs, length, PAD) for length in lengths]
+    pieces = [cut(whole.runs, length, PAD) for length in lengths]
     beginnings = [some.pick(np.flatnonzero(some.first == 0)) for some in pieces]
     starts = begin.guess(beginnings[0])
     for heads in beginnings:

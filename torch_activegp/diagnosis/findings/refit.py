@@ -12,7 +12,7 @@ from torch_activegp.diagnosis.inputs.runs import Array
 from torch_activegp.diagnosis.shooting.elimination import bounded_step, eliminate
 from torch_activegp.diagnosis.shooting.fit import Fit, bounds, difference_steps, split
 from torch_activegp.diagnosis.shooting.likelihood import Shooting
-from torch_activegp.diagnosis.shooting.point import FAILED
+from torch_activegp.diagnosis.shooting.point import FAILED, chi2_of
 from torch_activegp.diagnosis.simulation.candidate import Candidate
 
 _ROUNDS = 6
@@ -92,11 +92,6 @@ def _derivatives(shooting: Shooting, fit: Fit) -> tuple[Array, Array]:
     return white[0], np.nan_to_num(moved, posinf=0.0, neginf=0.0).transpose(1, 2, 0)
 
 
-def _chi2(white: Array) -> Array:
-    """Chi2 of every segment ``(S,)`` from whitened residuals ``(S, M)``; infinite where the simulation fails."""
-    return np.nan_to_num((white**2).sum(axis=-1), nan=np.inf, posinf=np.inf)
-
-
 def _badness(per_segment: Array) -> tuple[int, float]:
     """How many segments fail, and chi2 of the others."""
     fails = np.isinf(per_segment)
@@ -114,11 +109,11 @@ class _Part:
         self._low, self._high = bounds(fit.effects)
         self._little = difference_steps(fit.effects, self.values)
         self._length = 1.0
-        self._accept(residual, _chi2(residual))
+        self._accept(residual, chi2_of(residual, failed=np.inf))
 
     def tell(self, white: Array) -> None:
         """Takes the whitened residuals ``(S, M)`` of the trial: accepts it, or blames segments or the step's length."""
-        per_segment = _chi2(white)
+        per_segment = chi2_of(white, failed=np.inf)
         worse = per_segment > self.per_segment + _WORSE
         if _badness(per_segment[self.kept]) <= _badness(self.per_segment[self.kept]):
             self.values, self.starts = self.trial, self.trial_starts

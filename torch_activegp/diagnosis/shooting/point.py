@@ -54,9 +54,9 @@ class Point(NamedTuple):
         return total(self.per_segment)
 
 
-def chi2_of(white: Array) -> Array:
-    """The chi2 of segments ``(...)`` from their whitened residuals ``(..., M)``; finite where a simulation failed."""
-    return np.asarray(np.nan_to_num((white**2).sum(-1), nan=FAILED, posinf=FAILED))
+def chi2_of(white: Array, failed: float = FAILED) -> Array:
+    """The chi2 of segments ``(...)`` from their whitened residuals ``(..., M)``; `failed` where a simulation failed."""
+    return np.asarray(np.nan_to_num((white**2).sum(-1), nan=failed, posinf=failed))
 
 
 def total(per_segment: Array) -> float:
