@@ -90,6 +90,16 @@ def test_what_comes_on_top_cannot_make_a_loss_negative(bench: Any) -> None:
     assert StribeckFriction.at(bench.shoulder, model).parameters[0].low == -0.3
 
 
+def test_dry_friction_by_direction_is_a_steady_force_beside_coulombs(bench: Any) -> None:
+    """Nothing stops its simulations at every step: they are made in one call."""
+    effect = AsymmetricCoulomb.at(bench.shoulder, bench.model)
+    force = np.zeros((2, bench.model.nv))
+    effect.steady(force, np.array([1]), np.array([[0.5, 0.2]]))
+    assert not effect.needs_steps
+    assert force[1, effect.dof] == pytest.approx(-0.15)
+    assert np.count_nonzero(force) == 1
+
+
 def test_stribeck_is_described_by_its_two_levels(bench: Any) -> None:
     effect = StribeckFriction.at(bench.shoulder, bench.model)
     assert effect.describe(np.array([0.3, 0.2, 0.5])) == {"coulomb": 0.3, "static": 0.5, "velocity": 0.5}

@@ -175,6 +175,7 @@ class AsymmetricCoulomb(DryFriction):
     name = "asymmetric_friction"
     law = "-F+ for v > 0, +F- for v < 0, with sticking"
     losses = frozenset({"positive_level", "negative_level"})
+    needs_steps = False
     covers = ("coulomb_friction",)
 
     @classmethod
@@ -207,9 +208,9 @@ class AsymmetricCoulomb(DryFriction):
         sharpen(field, rows, self.dof)
         return False
 
-    def before_step(self, step: Step, rows: Index, values: Array, memory: Array | None) -> None:
+    def steady(self, force: Array, rows: Index, values: Array) -> None:
         """Adds half the difference as a constant force."""
-        step.force[rows, self.dof] -= 0.5 * (values[:, 0] - values[:, 1])
+        force[rows, self.dof] -= 0.5 * (values[:, 0] - values[:, 1])
 
     def write(self, spec: mujoco.MjSpec, values: Array) -> bool:
         """Writes ``joint frictionloss`` and a passive DC motor for the constant force."""
