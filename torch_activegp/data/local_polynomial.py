@@ -11,6 +11,8 @@ from torch_activegp.errors import ConfigurationError
 DEGREE = 3
 _REGULAR = 1e-3
 _CHUNK = 4096
+_POOR = 1e-3
+"""Least over largest pivot of normal equations that lose more than half of the digits."""
 
 
 def local_slope(time: Tensor, values: Tensor, window: int) -> Tensor:
@@ -59,18 +61,43 @@ def local_motion(time: Tensor, values: Tensor, window: int, degree: int) -> tupl
             savgol_filter(values.numpy(), window, degree, deriv=order, delta=dt, mode="interp") for order in (0, 1)
         )
         return torch.from_numpy(value), torch.from_numpy(slope)
-    chunks = torch.arange(len(time)).split(_CHUNK)
-    found = torch.cat([_least_squares(time, values, window, degree, rows) for rows in chunks])
-    reach = dt * (window // 2)
-    return values + found[:, 0], found[:, 1] / reach
+    centres = (torch.arange(len(time)) - window // 2).clamp(0, len(time) - window) + window // 2
+    windows = torch.arange(len(time) - window + 1).split(_CHUNK)
+    found = torch.cat([_least_squares(time, values, window, degree, start) for start in windows])
+    coefficients = found[centres - window // 2]
+    reach = 0.5 * (time[centres + window // 2] - time[centres - window // 2])
+    place = (time - time[centres]) / reach
+    order = torch.arange(1, degree + 1)
+    powers = torch.linalg.vander(place, N=degree + 1)
+    slopes = (order * coefficients[:, 1:] * powers[:, :-1]).sum(-1) / reach
+    return values[centres] + (coefficients * powers).sum(-1), slopes
 
 
-def _least_squares(time: Tensor, values: Tensor, window: int, degree: int, rows: Tensor) -> Tensor:
-    """Coefficients ``(rows, degree + 1)`` of what comes on top of each row, time in half windows."""
-    start = (rows - window // 2).clamp(0, len(time) - window)
-    index = start[:, None] + torch.arange(window)
-    offset = (time[index] - time[rows, None]) / (torch.diff(time).median() * (window // 2))
-    powers = torch.stack([offset**power for power in range(degree + 1)], dim=-1)
-    target = values[index] - values[rows, None]
-    # by the default, "gelsy", the last digits change from call to call: torch leaves its pivots uninitialised
-    return torch.linalg.lstsq(powers, target[..., None], driver="gels").solution[..., 0]
+def _least_squares(time: Tensor, values: Tensor, window: int, degree: int, start: Tensor) -> Tensor:
+    """Polynomials ``(windows, degree + 1)`` on top of the value in the middle row of each window, time in half windows.
+
+    By the normal equations, a fifth of the time of an orthogonal factorisation; where a pause in a window makes them
+    ill-conditioned, by that.
+    """
+    rows = start[:, None] + torch.arange(window)
+    middle = start + window // 2
+    reach = 0.5 * (time[start + window - 1] - time[start])
+    place = (time[rows] - time[middle, None]) / reach[:, None]
+    target = values[rows] - values[middle, None]
+    moments, along, power = [], [], torch.ones_like(place)
+    for order in range(2 * degree + 1):
+        moments.append(power.sum(-1))
+        if order <= degree:
+            along.append((power * target).sum(-1))
+        power = power * place
+    right, moment = torch.stack(along, dim=-1)[..., None], torch.stack(moments, dim=-1)
+    factor, failed = torch.linalg.cholesky_ex(moment.unfold(-1, degree + 1, 1))
+    pivots = factor.diagonal(dim1=-2, dim2=-1)
+    poor = (failed > 0) | ~(pivots.amin(-1) > _POOR * pivots.amax(-1))
+    factor[poor] = torch.eye(degree + 1, dtype=factor.dtype)
+    solution = torch.cholesky_solve(right, factor)
+    if poor.any():
+        powers = torch.linalg.vander(place[poor], N=degree + 1)
+        # by the default, "gelsy", the last digits change from call to call: torch leaves its pivots uninitialised
+        solution[poor] = torch.linalg.lstsq(powers, target[poor, :, None], driver="gels").solution
+    return solution[..., 0]

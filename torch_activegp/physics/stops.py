@@ -91,7 +91,7 @@ class JointStop(JointEffect):
         first order says nothing.
         """
         half = np.sqrt(np.maximum(values[0], 0.0) * self.inertia)
-        beside = [np.array([values[0], damping, values[2]]) for damping in (half, 2.0 * half)]
+        beside = [np.array([values[0], damping, values[2]]) for damping in (half, 2.0 * half) if half > 0.0]
         depth = max(float(self.end - values[2]), self.parameters[2].scale * _HARDEST)
         hard = self.inertia * (self.speed / depth) ** 2
         if hard * _SOFT <= values[0]:

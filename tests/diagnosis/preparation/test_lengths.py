@@ -37,9 +37,9 @@ def test_another_bar_halves_others_and_does_not_fit_the_longest_again(bench, for
     near = longest(bench.machine, forms, noise, 1.0)
     assert near.halved
     sizes: list[int] = []
-    fit = lengths._nominal
+    fit = lengths._roughly
     monkeypatch.setattr(
-        lengths, "_nominal", lambda shooting, *how: sizes.append(shooting.segments.size) or fit(shooting, *how)
+        lengths, "_roughly", lambda shooting, *how: sizes.append(shooting.segments.size) or fit(shooting, *how)
     )
     again = longest(bench.machine, forms, noise, 1.0, near)
     assert uncut(bench.machine).size not in sizes
@@ -63,24 +63,24 @@ def test_segments_over_which_errors_grow_are_halved(bench, forms, monkeypatch) -
 
 @pytest.mark.parametrize("better", ["coarse", "late"])
 def test_the_cheap_form_by_which_the_nominal_follows_better_is_kept(bench, forms, monkeypatch, better: str) -> None:
-    form, fit = getattr(forms, better), lengths._nominal
+    form, fit = getattr(forms, better), lengths._roughly
     assert form is not None
 
     def worse(shooting, *how):
         found = fit(shooting, *how)
         return found if shooting.engine is form else dataclasses.replace(found, chi2=2.0 * found.chi2)
 
-    monkeypatch.setattr(lengths, "_nominal", worse)
+    monkeypatch.setattr(lengths, "_roughly", worse)
     found = longest(bench.machine, forms, bench.shooting.noise, 1.0)
     assert found.form is form
     used = []
-    monkeypatch.setattr(lengths, "_nominal", lambda shooting, *how: used.append(shooting.engine) or fit(shooting, *how))
+    monkeypatch.setattr(lengths, "_roughly", lambda shooting, *how: used.append(shooting.engine) or fit(shooting, *how))
     assert longest(bench.machine, forms, bench.shooting.noise, 1.0, found).form is form
     assert set(map(id, used)) == {id(form)}
 
 
 def test_a_segment_that_stands_out_is_halved(bench, forms, monkeypatch) -> None:
-    fit = lengths._nominal
+    fit = lengths._roughly
 
     def stuck(shooting, *how):
         found = fit(shooting, *how)
@@ -88,7 +88,8 @@ def test_a_segment_that_stands_out_is_halved(bench, forms, monkeypatch) -> None:
         level = np.where(whole & (np.arange(len(found.per_segment)) == 2), 20.0, 1.0)
         return dataclasses.replace(found, per_segment=level * shooting.segments.samples)
 
-    monkeypatch.setattr(lengths, "_nominal", stuck)
+    monkeypatch.setattr(lengths, "_roughly", stuck)
+    monkeypatch.setattr(lengths, "chained", lambda shooting, fit: fit)
     noise = bench.shooting.noise
     assert longest(bench.machine, forms, noise, 60.0).segments.size == uncut(bench.machine).size + 1
     assert not longest(bench.machine, forms, noise, 100.0).halved  # not near what is too far

@@ -5,7 +5,7 @@ import dataclasses
 import numpy as np
 import pytest
 
-from torch_activegp.diagnosis.selection.compared import Selection, compare, fitted, without_each
+from torch_activegp.diagnosis.selection.compared import Effort, Selection, compare, fitted, without_each
 from torch_activegp.diagnosis.shooting.fit import resting
 from torch_activegp.diagnosis.shooting.likelihood import Shooting
 from torch_activegp.diagnosis.shooting.race import Race
@@ -236,8 +236,8 @@ def test_what_is_compared_is_lightened(bench, found) -> None:
     assert sum(fit.columns is not None for fit in found.fits if fit.effects) == 1
 
 
-@pytest.mark.parametrize("race", [np.inf, None])
-def test_a_race_knows_what_names_cost(bench, found, monkeypatch, race: float | None) -> None:
+@pytest.mark.parametrize("race", [True, False])
+def test_a_race_knows_what_names_cost(bench, found, monkeypatch, race: bool) -> None:
     """Beside a damping that leaves noise alone a stop is not worth the time, where there was much to explain."""
     found.nominal = dataclasses.replace(bench.nominal, chi2=300.0 * bench.nominal.chi2)
     found.fits = [found.nominal]
@@ -253,9 +253,9 @@ def test_a_race_knows_what_names_cost(bench, found, monkeypatch, race: float | N
         ended.extend(len(p.effects) for p in problems if p.finished and id(p) not in before)
 
     monkeypatch.setattr(Race, "give_up", listen)
-    compare(bench.shooting, found, sets, bench.nominal, race=race)
+    compare(bench.shooting, found, sets, bench.nominal, Effort(race=race))
     assert found.best.keys == {damping.key}
-    assert ended == ([2] if race is not None else [])
+    assert ended == ([2] if race else [])
 
 
 @pytest.mark.parametrize(("nominal", "free", "again"), [(1.0, False, True), (300.0, False, False), (300.0, True, True)])

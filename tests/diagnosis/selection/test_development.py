@@ -102,12 +102,12 @@ def test_a_simpler_law_that_ended_far_off_is_fitted_from_the_best_set(
     chosen = Selection(bench.nominal, [bench.nominal, both], Score(bench.shooting.samples, 5, 1.0))
     compared: list[tuple] = []
 
-    def compare(shooting, selection, sets, near, rounds, starts) -> None:
+    def compare(shooting, selection, sets, near, effort, starts) -> None:
         compared.append((sets, near, starts))
         selection.add([ended])
 
     monkeypatch.setattr(module, "compare", compare)
-    monkeypatch.setattr(module, "heat", lambda shooting, sets, fit, score: Heat(list(sets), fit.starts[None]))
+    monkeypatch.setattr(module, "heat", lambda shooting, sets, fit, score, work: Heat(list(sets), fit.starts[None]))
     if not held_well:
         monkeypatch.setattr(Shooting, "fit", lambda *_, **__: [dataclasses.replace(ended, chi2=2.0 * ended.chi2)])
     module.simplify(chosen, bench.shooting, bench.effects)
@@ -137,12 +137,12 @@ def test_forms_of_a_backlash_are_fitted_where_it_stays(bench, monkeypatch, goes:
     chosen = Selection(bench.nominal, [bench.nominal, both], Score(bench.shooting.samples, 5, 1.0))
     compared: list[frozenset] = []
 
-    def compare(shooting, selection, sets, near, rounds, starts) -> None:
+    def compare(shooting, selection, sets, near, effort, starts) -> None:
         compared.extend(frozenset(effects) for effects, _ in sets)
         selection.add([smaller])
 
     monkeypatch.setattr(module, "compare", compare)
-    monkeypatch.setattr(module, "heat", lambda shooting, sets, fit, score: Heat(list(sets), fit.starts[None]))
+    monkeypatch.setattr(module, "heat", lambda shooting, sets, fit, score, work: Heat(list(sets), fit.starts[None]))
     monkeypatch.setattr(Selection, "best", property(lambda self: min(self.fits, key=lambda fit: fit.chi2)))
     module.simplify(chosen, bench.shooting, bench.effects)
     assert compared[:2] == [frozenset({wet}), frozenset({play})]

@@ -192,7 +192,7 @@ def test_rivals_are_sought_as_long_as_may_be(bench, monkeypatch) -> None:
         lambda selection, *a: ends.append(a[-1]) or [(selection.best.effects[0], bench.nominal)],
     )
     monkeypatch.setattr(
-        "torch_activegp.diagnosis.selection.stand_ins.compare", lambda *_, **how: ends.append(how["race"])
+        "torch_activegp.diagnosis.selection.stand_ins.compare", lambda *args, **_: ends.append(args[4].work)
     )
     swap(found, bench.shooting, [bench.effect("quadratic_drag"), bench.effect("viscous_friction")], 7e6)
     assert ends == [7e6, 7e6]

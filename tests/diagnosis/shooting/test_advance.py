@@ -117,7 +117,7 @@ def test_work_is_counted_once(bench) -> None:
 @pytest.mark.parametrize(("times", "lends"), [(7.0, True), (9.0, False)])
 def test_a_cheap_engine_that_saves_little_lends_nothing(fast, monkeypatch, times, lends) -> None:
     """The precise one takes eight times its steps here."""
-    monkeypatch.setattr("torch_activegp.diagnosis.shooting.likelihood._LENDS", times)
+    monkeypatch.setattr("torch_activegp.diagnosis.shooting.likelihood.LENDS", times)
     assert fast.lends is lends
 
 

@@ -299,9 +299,9 @@ def test_a_race_ends_where_it_is_once_so_much_is_computed(bench, monkeypatch) ->
     rounds: list[int] = []
     monkeypatch.setattr(shooting, "advance", lambda *a, **k: rounds.append(1) or advance(*a, **k))
     counts = []
-    for race in (None, Race(), Race(work=bench.shooting.work)):
+    for race, work in ((None, np.inf), (Race(), np.inf), (Race(), bench.shooting.work)):
         rounds.clear()
-        (fit,) = bench.shooting.fit(sets, bench.nominal.starts, race=race)
+        (fit,) = bench.shooting.fit(sets, bench.nominal.starts, race=race, work=work)
         assert np.isfinite(fit.chi2)
         counts.append(len(rounds))
         assert fit.information.any()  # it ends whole, with its derivatives

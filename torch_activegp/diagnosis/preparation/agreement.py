@@ -11,7 +11,7 @@ from torch_activegp.diagnosis.inputs.runs import Array
 from torch_activegp.diagnosis.preparation.rivals import beside
 from torch_activegp.diagnosis.shooting.chaining import chained
 from torch_activegp.diagnosis.shooting.fit import Fit
-from torch_activegp.diagnosis.shooting.likelihood import Shooting
+from torch_activegp.diagnosis.shooting.likelihood import LENDS, Shooting
 from torch_activegp.diagnosis.simulation.engine import Engine
 from torch_activegp.diagnosis.simulation.readings import readings
 
@@ -46,16 +46,18 @@ def first_close(
 ) -> tuple[Shooting, Fit]:
     """The first form that stays close to a precise one, the last of them, corrected by it; and its fit.
 
-    Where the precise form was fitted (`exact`), what stands in must fit as well. `predicted` is what it says where the
-    fits begin, where that is known; nothing more is done from a chi2 of `lost` on. What takes longer steps than a form
-    of the same scheme that was not close is not tried. A form that is `known` to be close on a part of the data may be
-    carried from one state to another, and need not show it on all.
+    Where the precise form was fitted (`exact`), what stands in must fit as well, and take a third of the steps at most:
+    on a slide that strikes, a form in half of them took 14 million to fit, in vain. `predicted` is what it says where
+    the fits begin, where that is known; nothing more is done from a chi2 of `lost` on. What takes longer steps than a
+    form of the same scheme that was not close is not tried. A form that is `known` to be close on a part of the data
+    may be carried from one state to another, and need not show it on all.
     """
     engine, working, judged = precise.engine, precise, begin
     tried: dict[tuple[bool, int], float] = {}
     for cheap in forms:
         scheme, steps = cheap.scheme, cheap.steps_in(precise.segments)
-        if steps < tried.get(scheme, 0.0) and cheap is not engine:
+        dear = exact is not None and LENDS * steps > engine.steps_in(precise.segments)
+        if (steps < tried.get(scheme, 0.0) or dear) and cheap is not engine:
             continue
         tried[scheme] = steps
         if cheap is engine and exact is not None:

@@ -15,6 +15,7 @@ from torch_activegp.diagnosis.preparation.brief_pieces import begun, brief
 from torch_activegp.diagnosis.shooting.chaining import chained
 from torch_activegp.diagnosis.shooting.fit import Fit
 from torch_activegp.diagnosis.shooting.likelihood import Shooting
+from torch_activegp.diagnosis.shooting.point import total
 from torch_activegp.diagnosis.simulation.engine import Engine
 from torch_activegp.diagnosis.simulation.forms import Forms
 
@@ -81,7 +82,7 @@ def longest(machine: Machine, forms: Forms, noise: NoiseModel, too_far: float, k
         shorter = halve(segments, bad & long)
         if shorter.size == segments.size:
             return Lengths(segments, best, whole, form)
-        best, segments = _nominal(Shooting(form, shorter, noise), forms.stiff, (segments, best)), shorter
+        best, segments = _with_new(Shooting(form, shorter, noise), forms.stiff, segments, best), shorter
 
 
 def followed(machine: Machine, forms: Forms, noise: NoiseModel) -> tuple[Shooting, Fit]:
@@ -94,8 +95,9 @@ def followed(machine: Machine, forms: Forms, noise: NoiseModel) -> tuple[Shootin
     """
     cheap = [forms.coarse, *([forms.late] if forms.late is not None else [])]
     segments = uncut(machine)
-    found = [Shooting(form, segments, noise) for form in cheap]
-    return min(((one, _nominal(one, forms.stiff)) for one in found), key=lambda pair: pair[1].chi2)
+    found = [(one, _roughly(one, forms.stiff)) for one in (Shooting(form, segments, noise) for form in cheap)]
+    shooting, fit = min(found, key=lambda pair: pair[1].chi2)
+    return shooting, chained(shooting, fit)
 
 
 def nominal_in_brief(machine: Machine, forms: Forms, noise: NoiseModel) -> Lengths | None:
@@ -103,7 +105,8 @@ def nominal_in_brief(machine: Machine, forms: Forms, noise: NoiseModel) -> Lengt
     segments = brief(machine.fit)
     if segments is None:
         return None
-    fit = _nominal(Shooting(forms.coarse, segments, noise))
+    shooting = Shooting(forms.coarse, segments, noise)
+    fit = chained(shooting, _roughly(shooting))
     return Lengths(segments, fit, fit, forms.coarse)
 
 
@@ -118,17 +121,25 @@ def uncut(machine: Machine) -> Segments:
     return cut(machine.fit, max(SECONDS, ROWS * median_step(machine.fit)), PAD)
 
 
-def _nominal(shooting: Shooting, touches: bool = False, known: tuple[Segments, Fit] | None = None) -> Fit:
-    """The model without effects, roughly.
+def _roughly(shooting: Shooting, touches: bool = False) -> Fit:
+    """The model without effects, which begins where brief pieces lead if something touches."""
+    starts = begun(shooting) if touches else shooting.engine.starts(shooting.segments)
+    return shooting.fit([((), ())], starts, _ROUNDS)[0]
 
-    It begins where brief pieces lead if something touches, and in segments that are known already, where these ended.
-    """
-    ended = {} if known is None else dict(zip(_places(known[0]), known[1].starts, strict=True))
-    places = _places(shooting.segments)
-    new = shooting.pick(np.array([place not in ended for place in places]))
-    ended |= zip(_places(new.segments), begun(new) if touches else new.engine.starts(new.segments), strict=True)
-    fit = shooting.fit([((), ())], np.array([ended[place] for place in places]), _ROUNDS)[0]
-    return chained(shooting, fit)
+
+def _with_new(shooting: Shooting, touches: bool, known: Segments, fit: Fit) -> Fit:
+    """The same over segments of which some are known, where it stays as it is."""
+    places = {place: number for number, place in enumerate(_places(known))}
+    there = np.array([places.get(place, -1) for place in _places(shooting.segments)])
+    new, rows = there < 0, shooting.segments.position[0].size
+    found = _roughly(shooting.pick(new), touches)
+    assert fit.design is not None
+    assert found.design is not None
+    there[new] = len(fit.starts) + np.arange(new.sum())
+    pairs = (fit.starts, found.starts), (fit.per_segment, found.per_segment), (fit.design[:, :rows], found.design)
+    starts, per_segment, design = (np.concatenate(pair)[there] for pair in pairs)
+    whole = Fit((), (), starts, total(per_segment), per_segment, found.information, starts[:, :0], design)
+    return chained(shooting, whole)
 
 
 def _places(segments: Segments) -> list[tuple[int, ...]]:

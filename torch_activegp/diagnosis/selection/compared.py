@@ -31,6 +31,21 @@ _STUCK = 1.0
 """Chi2 by which a fit may end above that of a set that it contains."""
 
 
+@dataclasses.dataclass(frozen=True)
+class Effort:
+    """How far to fit some sets.
+
+    Args:
+        rounds: simulations at most, one after the other.
+        work: time steps of all that was computed by then, :attr:`Shooting.work`, from which on none goes on.
+        race: whether to give up on those that stay far behind.
+    """
+
+    rounds: int = ROUNDS
+    work: float = np.inf
+    race: bool = False
+
+
 @dataclasses.dataclass
 class Selection:
     """The sets that were fitted.
@@ -160,8 +175,7 @@ def compare(
     selection: Selection,
     sets: Sequence[tuple[Sequence[Effect], Sequence[Array]]],
     near: Fit,
-    race: float | None = None,
-    rounds: int = ROUNDS,
+    effort: Effort = Effort(),
     below: Fit | Sequence[Fit] | None = None,
     starts: Array | None = None,
 ) -> None:
@@ -175,22 +189,20 @@ def compare(
         selection: takes them in.
         sets: effects and first guesses.
         near: a fit near by.
-        race: give up on those that stay far behind, and end where so many time steps are computed by then,
-            :attr:`Shooting.work`; all go on where it is None.
-        rounds: simulations at most, one after the other.
+        effort: how far to fit them.
         below: a fit of what the sets have in common, if they have, or one for each of what is in it.
         starts: initial states to begin from, one for each set, ``(N, S, nq + nv)``, where not those of the fit near by.
     """
     if sets:
-        contest = None if race is None else Race(selection.score, selection.nominal.chi2, shooting.dof, race)
+        race = Race(selection.score, selection.nominal.chi2, shooting.dof) if effort.race else None
         begin = near.starts if starts is None else starts
-        fits = shooting.fit(sets, begin, rounds, contest, near=near, below=below)
+        fits = shooting.fit(sets, begin, effort.rounds, race, near=near, below=below, work=effort.work)
         selection.add(fits)
         selection.rescale(shooting.dof)
         far = selection.score(selection.best) + selection.score.slack
         tried = {frozenset(fit.effects): selection.of(fit.effects) or fit for fit in fits}  # the best of each set
         hopes = (fit for fit in tried.values() if selection.may_become_best(fit, shooting.dof))
-        stuck = [fit for fit in hopes if not fit.at_rest]
+        stuck = [fit for fit in hopes if not fit.at_rest and shooting.work < effort.work]
         selection.add([better for fit in stuck if (better := _from_within(shooting, selection, fit, far)) is not None])
     selection.rescale(shooting.dof)
     selection.lighten()

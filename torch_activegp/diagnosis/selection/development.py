@@ -8,7 +8,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from torch_activegp.diagnosis.selection.compared import NEARLY, Selection, compare
+from torch_activegp.diagnosis.selection.compared import NEARLY, Effort, Selection, compare
 from torch_activegp.diagnosis.selection.heats import CLOSE, heat, seen_on
 from torch_activegp.diagnosis.selection.more_axes import in_more_axes
 from torch_activegp.diagnosis.selection.proposals import (
@@ -60,14 +60,15 @@ def expand(selection: Selection, shooting: Shooting, effects: Sequence[Effect], 
         proposed += undone(fit, screened, selection.score.a_parameter * selection.score.scale)
     known = {frozenset(f.effects) for f in selection.fits}
     fresh = heat(shooting, [p for p in proposed if frozenset(p[0]) not in known], fit, selection.score, work)
-    compare(shooting, selection, fresh.sets, fit, race=work, below=fit, starts=fresh.starts)
+    compare(shooting, selection, fresh.sets, fit, Effort(work=work, race=True), below=fit, starts=fresh.starts)
 
 
-def simplify(selection: Selection, shooting: Shooting, effects: Sequence[Effect]) -> None:
+def simplify(selection: Selection, shooting: Shooting, effects: Sequence[Effect], work: float = np.inf) -> None:
     """Tries the best set without each of its effects, and with simpler laws or other forms in their place.
 
     Other forms of parts, and of what remembers, come last, for what is left then: beside three other names, of which
-    two were there, the eight forms of a backlash took a minute on a slide, and then the backlash itself went.
+    two were there, the eight forms of a backlash took a minute on a slide, and then the backlash itself went. These
+    fits end too where so much is computed in all: 24 forms of two payloads at 500 Hz took 50 million time steps.
     """
     best = selection.best
     if selection.was_simplified():
@@ -76,11 +77,11 @@ def simplify(selection: Selection, shooting: Shooting, effects: Sequence[Effect]
     sets = simpler(best, effects, known, best.chi2 + CLOSE * score.scale, score.free)
     fewer = without_weak(best, lambda effect: score.scale * score.price([effect]))
     sets += [fewer] if fewer and frozenset(fewer[0]) not in known else []
-    _passed(selection, shooting, sets, best)
+    _passed(selection, shooting, sets, best, work)
     _from_the_best(selection, shooting, best, [some for some in sets if holds_simpler_law(some, best)])
     left, known, free = selection.best, _known(selection), selection.score.free
     for some in (forms_of_parts(selection, effects, known), with_another_past(left, effects, known, free)):
-        _passed(selection, shooting, some, left)  # each among its like: forms of parts begin far off
+        _passed(selection, shooting, some, left, work)  # each among its like: forms of parts begin far off
 
 
 def _known(selection: Selection) -> dict[frozenset[Effect], float]:
@@ -91,11 +92,11 @@ def _known(selection: Selection) -> dict[frozenset[Effect], float]:
     return known
 
 
-def _passed(selection: Selection, shooting: Shooting, sets: Sequence[Set], best: Fit) -> None:
+def _passed(selection: Selection, shooting: Shooting, sets: Sequence[Set], best: Fit, work: float) -> None:
     """Fits those of some sets that pass a heat, from the states of the best one."""
     if sets:
-        passed = heat(shooting, sets, best, selection.score)
-        compare(shooting, selection, passed.sets, best, rounds=_ROUNDS, starts=passed.starts)
+        passed = heat(shooting, sets, best, selection.score, work)
+        compare(shooting, selection, passed.sets, best, Effort(_ROUNDS, work), starts=passed.starts)
 
 
 def _from_the_best(selection: Selection, shooting: Shooting, best: Fit, sets: Sequence[Set]) -> None:
@@ -113,7 +114,8 @@ def _from_the_best(selection: Selection, shooting: Shooting, best: Fit, sets: Se
     better = [fit for fit, (_, chi2) in zip(held, behind, strict=True) if fit.chi2 < chi2]
     if better:
         starts = np.stack([fit.starts for fit in better])
-        compare(shooting, selection, [(fit.effects, fit.values) for fit in better], best, rounds=_ROUNDS, starts=starts)
+        sets = [(fit.effects, fit.values) for fit in better]
+        compare(shooting, selection, sets, best, Effort(_ROUNDS), starts=starts)
 
 
 def _differ_in_few(fit: Fit, best: Fit) -> bool:
@@ -160,10 +162,16 @@ def _proposals(selection: Selection, fit: Fit, screened: Screen, effects: Sequen
     singles = [a for a in best[: 4 * most] if worth(selection.score, (a,)) > 0.0]
     singles.sort(key=lambda a: -worth(selection.score, (a,)))
     chosen: list[Sequence[Atom]] = [(a,) for a in diverse(singles, most)]
+    least = worth(selection.score, tuple(chosen[-1])) if len(chosen) == most else 0.0
     lenient = functools.cache(functools.partial(worth, selection.score.before_any_fit(selection.nominal)))
     together = companies(best[:_COMPANY], lenient, MAX_EFFECTS - selection.score.names_in(fit.effects), _MORE)
     together += repeated(fit, screened, lenient, _MORE)
-    chosen += in_more_axes([*chosen, *together], screened, effects, functools.partial(left, selection.score), _MORE)
+    in_more = functools.partial(
+        in_more_axes, screened=screened, effects=effects, worth=functools.partial(left, selection.score), least=_MORE
+    )
+    vectors = in_more([(atom,) for atom in best if atom.effect.vector])  # any axis, which may gain nothing alone
+    chosen += [some for some in vectors if worth(selection.score, tuple(some)) > least]
+    chosen += in_more(together)
     chosen += [with_values(company, screened.together(company)[1]) for company in together]
     if not fit.effects:
         gains = [screened.joint_gain(company) for company in together]

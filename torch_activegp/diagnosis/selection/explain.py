@@ -44,7 +44,8 @@ _LIKE = 1.5
 """Numerics are not chosen again for noise that differs by less than this factor, at any frequency."""
 _ANEW = 3
 """How often noise is taken anew behind what all data say."""
-_WHOLE = Depth()
+_WHOLE, _ONCE_MORE = Depth(), Depth(work=10e6, more=5e6)
+"""The second where a search is done again, by another noise or other numerics, from what was found."""
 _NO_FURTHER, _IN_VAIN = Depth(rounds=0, work=2e6, more=0.0), Depth(swaps=0, work=3e6, stepwise=False, more=2e6)
 """Where a long search on a part left much more than noise, what is missing is hardly on the list: its best set is
 fitted to all data, for what it leaves. Where that shows another noise, a little is searched by it."""
@@ -143,6 +144,7 @@ def explain(
             floor = raised(floor, other)
             best, free = selection.best, selection.score.free
             start = _with_noise(machine, numerics, start, best, besides(leaders(selection), best), free, other, tell)
+            start = dataclasses.replace(start, depth=_once_more(start.depth))
             selection = select_from(start)
         return start, selection
 
@@ -209,7 +211,7 @@ def _with_noise(
     one; from where the best set was fitted, for a stop that begins elsewhere may end anywhere, by any form.
     """
     tell("naming with the noise seen behind the effects")
-    depth = start.depth if start.depth == _WHOLE else _IN_VAIN
+    depth = _IN_VAIN if start.depth == _NO_FURTHER else start.depth
     segments, nominal = start.shooting.segments, start.nominal
     sets: Sets = [*([(best.effects, best.values)] if best.effects else []), *rest]
     loud = float((start.shooting.noise.innovation / noise.innovation).max())
@@ -247,7 +249,8 @@ def _finish(
                 engine, shooting, nominal = again, other, bare
                 tell("naming with the numerics seen behind the effects")
                 rest = besides(first, judged)
-                selection = select(shooting, effects, bare, rest, judged, tell, selection.score.free, start.depth)
+                depth = _once_more(start.depth)
+                selection = select(shooting, effects, bare, rest, judged, tell, selection.score.free, depth)
         before, selection = selection.best, also_weak(shooting, selection, effects, tell)
         found = selection.best
         if set(found.effects) == set(before.effects) and not found.chi2 < _SETTLED * before.chi2:
@@ -259,6 +262,10 @@ def _finish(
     polish(shooting, selection, effects)
     fine, firm = engine is not numerics.given, numerics.sticks(engine)
     return Explanation(engine, shooting, selection, tuple(effects), fine, firm)
+
+
+def _once_more(depth: Depth) -> Depth:
+    return _ONCE_MORE if depth == _WHOLE else depth
 
 
 def _refuse_failed(segments: Segments, nominal: Fit) -> None:

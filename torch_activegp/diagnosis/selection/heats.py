@@ -118,7 +118,7 @@ def near(
         The sets with the parameters and states found on the part.
     """
     here = fit.pick(which)
-    trials = part.fit(sets, here.starts, race=Race(work=work), near=here, below=here)
+    trials = part.fit(sets, here.starts, race=Race(), near=here, below=here, work=work)
     ended = sorted(zip(trials, bars, strict=True), key=lambda pair: pair[0].chi2 - pair[1])
     first: dict[frozenset[Effect], float] = {}
     for trial, bar in ended:

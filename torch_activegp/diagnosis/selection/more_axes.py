@@ -73,12 +73,13 @@ def _joined(grown: _Grown, screened: Screen) -> list[Atom]:
     _, found = screened.together([atom for _, axes in grown for atom in axes])
     rest, out = iter(found), []
     for effect, axes in grown:
-        values = [next(rest) for _ in axes]
+        values, gain = [next(rest) for _ in axes], axes[0].gain
         if len(axes) > 1:
+            gain = screened.joint_gain(axes)
             letters = "".join(atom.effect.variant for atom in axes)
             own = dict(zip(letters, np.concatenate(values), strict=True))
             values = [np.array([own[axis] for axis in effect.variant])]
-        out.append(dataclasses.replace(axes[0], effect=effect, values=values[0]))
+        out.append(dataclasses.replace(axes[0], effect=effect, values=values[0], gain=gain))
     return out
 
 

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from torch_activegp.diagnosis.selection.compared import Selection, compare
+from torch_activegp.diagnosis.selection.compared import Effort, Selection, compare
 from torch_activegp.diagnosis.selection.elsewhere import elsewhere
 from torch_activegp.diagnosis.selection.merging import merged
 from torch_activegp.diagnosis.selection.more_axes import in_fewer_axes
@@ -57,7 +57,8 @@ def polish(shooting: Shooting, selection: Selection, effects: Sequence[Effect]) 
         sets = [some for fit in near if (some := shared(fit, best)) is not None]
         sets += _in_fewer_axes(selection, [best, *near], effects)
         sets += [] if number else [*elsewhere(best, effects), *_one_for_two(selection, best, effects)]
-        compare(shooting, selection, sets, best, race=np.inf, below=[selection.below(some) for some, _ in sets])
+        below = [selection.below(some) for some, _ in sets]
+        compare(shooting, selection, sets, best, Effort(race=True), below=below)
         if gained <= _SETTLED and selection.score(selection.best) > selection.score(best) - _SETTLED:
             break
         former = [best] if selection.best.effects != best.effects else []
@@ -101,8 +102,11 @@ def _near(selection: Selection, best: Fit, gained: float, stuck: float) -> list[
 
 def _again(precise: Shooting, fit: Fit, best: Fit) -> Fit:
     """A rival with all derivatives taken where it is, and with the best set's states where these are better."""
-    found = borrowed(precise, fit, best)
-    return precise.fit([(fit.effects, fit.values)], fit.starts)[0] if found is fit and fit.effects else found
+    begin = dataclasses.replace(fit, columns=None, taken=None)
+    found = borrowed(precise, begin, best)
+    if found is not begin or not fit.effects:
+        return found
+    return precise.fit([(fit.effects, fit.values)], fit.starts, near=begin)[0]
 
 
 def shared(fit: Fit, best: Fit) -> Set | None:

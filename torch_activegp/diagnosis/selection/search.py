@@ -26,7 +26,7 @@ _PATIENCE = 15e6
 """Cases that end right compute a few million time steps for a search, most of them below ten. What no effect on the
 list explains would compute ever more."""
 _MORE = 5e6
-"""And so many more for rivals in place of what was found."""
+"""And so many more for what could come in place of what was found."""
 _AS_WELL = 10.0
 """By so much, in units of what is left and with the price of its parameters, a tuning undone may be worse than a name
 that stands for it."""
@@ -51,6 +51,11 @@ class Depth:
     work: float = _PATIENCE
     stepwise: bool = True
     more: float = _PATIENCE
+
+    @property
+    def at_most(self) -> float:
+        """Time steps by which rivals of what was found end, and what is simpler."""
+        return self.work + min(self.more, _MORE)
 
     def counted_from(self, work: float) -> Depth:
         """The same with its work on top of some that is done."""
@@ -115,7 +120,7 @@ def go_on(
     if tuned and goes_on:
         undo(selection, shooting, effects)
     if (tuned or selection.best is not found) and not selection.cut_short:
-        simplify(selection, shooting, effects)
+        simplify(selection, shooting, effects, depth.at_most)
         search(selection, shooting, effects, tell, depth)
     if selection.score.free and not _only_undoes(selection, shooting):
         selection.score = selection.score.without_free()
@@ -156,7 +161,7 @@ def search(
             develop(fit)
         if beam:
             step_by_step(least=BEAM + 1)
-            simplify(selection, shooting, effects)
+            simplify(selection, shooting, effects, depth.at_most)
 
 
 def _rounds(
@@ -166,7 +171,7 @@ def _rounds(
     for number in range(depth.rounds):
         be_fair(selection, shooting)
         if shooting.work > depth.work:
-            simplify(selection, shooting, effects)  # what came last in place of an effect too
+            simplify(selection, shooting, effects, depth.at_most)  # what came last in place of an effect too
             selection.cut_short = not _is_complete(selection, shooting, skipped)
             return
         yield number
@@ -220,7 +225,7 @@ def _resorts(
         yield True
     yield from _swapped(selection, shooting, effects, tell, depth)
     if step_by_step():
-        simplify(selection, shooting, effects)
+        simplify(selection, shooting, effects, depth.at_most)
         yield True
         yield from _swapped(selection, shooting, effects, tell, depth)
 
@@ -230,14 +235,13 @@ def _swapped(
 ) -> Iterator[bool]:
     """Others in place of each effect of the best set, so often at most, as long as another set becomes the best."""
     begun: frozenset[Effect] = frozenset()
-    end = depth.work + min(depth.more, _MORE)
     for _ in range(depth.swaps):
         if frozenset(selection.best.effects) == begun or hopeless(selection, shooting):
             break
         begun = frozenset(selection.best.effects)
         tell("testing what could stand in place of each effect")
-        swap(selection, shooting, effects, end)
-        selection.swapped = begun if shooting.work <= end else frozenset()
+        swap(selection, shooting, effects, depth.at_most)
+        selection.swapped = begun if shooting.work <= depth.at_most else frozenset()
         yield True
 
 

@@ -8,7 +8,7 @@ from collections.abc import Collection, Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from torch_activegp.diagnosis.selection.compared import Selection, compare, without_each
+from torch_activegp.diagnosis.selection.compared import Effort, Selection, compare, without_each
 from torch_activegp.diagnosis.selection.elsewhere import elsewhere
 from torch_activegp.diagnosis.selection.heats import CLOSE, PART, heat, near
 from torch_activegp.diagnosis.selection.proposals import Set, diverse, join, other_forms, softened
@@ -61,7 +61,7 @@ def swap(selection: Selection, shooting: Shooting, effects: Sequence[Effect], wo
     if sets and part.segments.size < shooting.segments.size:
         sets, starts = near(part, which, sets, best, [CLOSE * selection.score.scale] * len(sets), work)
     below = [selection.below(some) for some, _ in sets]
-    compare(shooting, selection, sets, best, race=work, starts=starts, below=below)
+    compare(shooting, selection, sets, best, Effort(work=work, race=True), starts=starts, below=below)
 
 
 def _in_place(best: Fit, effect: Effect, part: Shooting, fit: Fit, effects: Sequence[Effect]) -> list[Set]:
@@ -169,7 +169,7 @@ def try_tuned(selection: Selection, shooting: Shooting, effects: Sequence[Effect
     sets = [some for fit in bare for some in _undone(selection, part, fit, tunable, share)]
     lenient = dataclasses.replace(score, free=frozenset(effect.key for effect in tunable))
     passed = heat(shooting, sets, best, lenient)
-    compare(shooting, selection, passed.sets, best, race=np.inf, starts=passed.starts)
+    compare(shooting, selection, passed.sets, best, Effort(race=True), starts=passed.starts)
 
 
 def undo(selection: Selection, shooting: Shooting, effects: Sequence[Effect]) -> None:

@@ -46,7 +46,9 @@ def chained(shooting: Shooting, fit: Fit) -> Fit:
         fit = _tried(shooting, fit, out, ways)
         if fit is known:
             break
-    return shooting.fit([(fit.effects, fit.values)], fit.starts)[0] if fit is not before and fit.effects else fit
+    if fit is before or not fit.effects:
+        return fit
+    return shooting.fit([(fit.effects, fit.values)], fit.starts, near=fit)[0]
 
 
 def borrowed(shooting: Shooting, fit: Fit, other: Fit) -> Fit:
@@ -66,7 +68,7 @@ def borrowed(shooting: Shooting, fit: Fit, other: Fit) -> Fit:
     found = _tried(shooting, fit, worse, [other.starts])
     if found is fit or not fit.effects:
         return found
-    return min(found, shooting.fit([(fit.effects, fit.values)], found.starts)[0], key=lambda one: one.chi2)
+    return min(found, shooting.fit([(fit.effects, fit.values)], found.starts, near=found)[0], key=lambda one: one.chi2)
 
 
 def _tried(shooting: Shooting, fit: Fit, where: NDArray[np.bool_], ways: Sequence[Array]) -> Fit:

@@ -24,8 +24,8 @@ ROUNDS = 60
 half-way."""
 _SOON, _FAR_OFF = 20, 300.0
 """After so many rounds fits end that are so many times the noise away: what they lead to is not sought."""
-_LENDS = 3.0
-"""Times the steps of the cheap engine from which on derivatives of fits come from it."""
+LENDS = 3.0
+"""Times the steps of a cheap engine from which on derivatives of fits come from it, and it is worth a fit."""
 _COLOUR_UNSEEN = 1 / 67
 
 
@@ -56,7 +56,7 @@ class Shooting:
     def lends(self) -> bool:
         """Whether derivatives of fits come from the cheap engine: where that takes a third of the steps or fewer."""
         cheap, own = (engine.steps_in(self.segments) for engine in (self.differences, self.engine))
-        return _LENDS * cheap <= own
+        return LENDS * cheap <= own
 
     @property
     def work(self) -> float:
@@ -188,7 +188,7 @@ class Shooting:
         for number in range(rounds + 1):
             if not running:
                 break
-            over = number > SETTLE + 2 and self.work > (work if race is None else min(race.work, work))
+            over = number > SETTLE + 2 and self.work > work
             advance(self, running.values(), last=over or number == rounds)
             if race is not None:
                 race.give_up(list(running.values()), list(ended.values()), only_misled=number < SETTLE + 2)

@@ -23,13 +23,11 @@ class Race:
         score: how sets compare in the end; None where what they leave alone counts.
         nominal: chi2 without effects, where there is a score.
         dof: degrees of freedom, where there is a score.
-        work: time steps of all that was computed by then, :attr:`Shooting.work`, from which on none goes on.
     """
 
     score: Score | None = None
     nominal: float = np.inf
     dof: int = 1
-    work: float = np.inf
 
     def give_up(self, problems: Sequence[Problem], ended: Sequence[Fit] = (), only_misled: bool = False) -> None:
         """Ends the fits that stay far behind: not of the best three sets, or of the best three of theirs; not close.
