@@ -18,7 +18,8 @@ from torch_activegp.diagnosis.shooting.likelihood import Shooting
 from torch_activegp.diagnosis.shooting.score import NOISE_ALONE
 from torch_activegp.physics.effect import Effect
 
-_SETTLED = 0.5
+_SETTLED, _CREEPS = 0.5, 1e-4
+"""Chi2, or part of it, by which the best set must gain to be fitted once more: fits end where steps gain less."""
 _RIVAL = 20.0
 _SHORT = 0.04
 """Part of its chi2 by which a fit of a law with kinks may end short of its optimum."""
@@ -59,7 +60,8 @@ def polish(shooting: Shooting, selection: Selection, effects: Sequence[Effect]) 
         sets += [] if number else [*elsewhere(best, effects), *_one_for_two(selection, best, effects)]
         below = [selection.below(some) for some, _ in sets]
         compare(shooting, selection, sets, best, Effort(race=True), below=below)
-        if gained <= _SETTLED and selection.score(selection.best) > selection.score(best) - _SETTLED:
+        leads = selection.score(selection.best) > selection.score(best) - _SETTLED
+        if leads and gained <= max(_SETTLED, _CREEPS * best.chi2):
             break
         former = [best] if selection.best.effects != best.effects else []
 
