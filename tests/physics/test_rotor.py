@@ -13,7 +13,7 @@ def follow(
 ) -> tuple:
     """Offset, speed and side of one rotor."""
     begun = np.ones(len(torque), dtype=bool) if begun is None else begun
-    found = carried(motion, torque[None], begun[None], INERTIA, np.array([half]), DT / 8, np.array([centred]))
+    found = carried(motion, torque[None], begun[None], INERTIA, np.array([half]), 8, np.array([centred]))
     return tuple(float(each[0]) for each in found)
 
 
@@ -43,7 +43,7 @@ def test_drag_slows_it_down(damping: float) -> None:
         np.ones((1, 40), dtype=bool),
         INERTIA,
         np.ones(1),
-        DT / 8,
+        10,
         np.ones(1, bool),
         damping,
     )

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import math
 from collections.abc import Callable
 from typing import Self
 
@@ -19,7 +20,7 @@ _LIGHTEST = 0.01
 _NO_GAP = 1e-5
 """Part of the joint's range that is no gap: a fiftieth of the smallest one that a search begins from."""
 _SPAN = 2
-_BACK, _FINE = 2.0, 2.5e-3
+_BACK, _FINE, _ROUNDING = 2.0, 2.5e-3, 1e-6
 """How long a rotor is carried along a recording before a simulation, and in about what steps, s."""
 
 
@@ -144,7 +145,8 @@ class Backlash(Effect):
         """
         begun = rows[:, :-1] >= 0
         centred = (rows[:, 0] <= 0) & self.centred
-        found = np.stack(carried(before, torque, begun, self.rotor, 0.5 * gap, _FINE, centred, self.drag), axis=1)
+        parts = max(math.ceil(self.dt / _FINE - _ROUNDING), 1)
+        found = np.stack(carried(before, torque, begun, self.rotor, 0.5 * gap, parts, centred, self.drag), axis=1)
         return np.where(begun.any(axis=1, keepdims=True), found, 0.0 if self.centred else np.nan)
 
     def anew(self) -> Self:

@@ -68,7 +68,7 @@ def carried(
     begun: NDArray[np.bool_],
     inertia: float,
     half: Array,
-    longest: float,
+    parts: int,
     centred: NDArray[np.bool_],
     damping: float = 0.0,
 ) -> tuple[Array, Array, Array]:
@@ -84,12 +84,10 @@ def carried(
         begun: whether the recording had begun, ``(n, B)``.
         inertia: of the rotor, kg m2 or kg.
         half: half the gap, ``(n,)``, rad or m.
-        longest: time step, s.
+        parts: time steps from row to row.
         centred: whether it begins in the middle, ``(n,)``.
         damping: of the rotor, N m s/rad or N s/m.
     """
-    apart = np.diff(motion.time, axis=1)
-    parts = max(int(np.ceil(np.median(apart[begun]) / longest)), 1) if begun.any() else 1
     first = begun.argmax(axis=1)[:, None]
     needed, braked = (np.take_along_axis(each, first, axis=1)[:, 0] for each in (motion.acceleration, motion.velocity))
     pushes = np.take_along_axis(torque, first, axis=1)[:, 0] - damping * braked

@@ -113,3 +113,11 @@ def test_segments_are_spread_evenly_from_the_first_to_the_last(bench) -> None:
     some = segments.spread(3)
     assert some.tolist() == [0, (segments.size - 1) // 2, segments.size - 1]
     assert segments.spread(10 * segments.size).tolist() == list(range(segments.size))
+
+
+def test_a_segment_is_cut_where_it_is_said(make_plain_run) -> None:
+    segments = cut([make_plain_run(np.zeros(301))], 1.0, 0.0)
+    found = halve(segments, np.array([True, False, True]), np.array([0.5, 0.5, 1 / 3]))
+    assert found.scored.tolist() == [[0, 50], [50, 100], [100, 200], [200, 233], [233, 300]]
+    assert found.counts.sum() == 301
+    assert halve(segments, np.ones(3, dtype=bool), 0.02).size == 3  # too short a piece

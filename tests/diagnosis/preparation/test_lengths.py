@@ -112,6 +112,7 @@ def test_states_are_sought_in_brief_pieces_where_something_touches_and_in_new_se
         lengths, "_stands_out", lambda fit, segments, _: first.pop() if first else np.zeros(segments.size, bool)
     )
     monkeypatch.setattr(lengths, "_growth", lambda fit, segments, *_: np.zeros(segments.size))
+    monkeypatch.setattr(lengths, "_loud", lambda fit, pieces, whole: np.ones(whole.size, bool))
     if not touches:
         monkeypatch.setattr(type(forms.coarse), "starts", lambda self, new: sought.append(new.size) or guess(self, new))
     found = longest(bench.machine, forms, bench.shooting.noise, 60.0)
@@ -126,4 +127,28 @@ def test_what_stands_out_where_something_touches_is_cut_shorter(touches: bool) -
     segments = longest(machine, numerics, NoiseModel.white(np.array([5e-5])), 60.0).segments
     seconds = segments.dt[:, 0] * np.diff(segments.scored, axis=1)[:, 0]
     assert (seconds.min() < 0.19) == touches
-    assert seconds.max() > 0.4
+    assert seconds.max() > 0.3
+
+
+@pytest.mark.parametrize(("at", "touches", "lost"), [(0.5, False, False), (0.5, True, True), (0.3, True, False)])
+def test_what_strikes_where_a_segment_is_cut_in_two_is_not_lost(
+    bench, forms, monkeypatch, at: float, touches: bool, lost: bool
+) -> None:
+    """The initial state of the second half makes up for it; where the model strikes something, that is no sign."""
+    whole, fit = uncut(bench.machine), lengths._roughly
+    run, (a, b) = whole.run[2], whole.scored[2]
+    row = a + int(at * (b - a))
+
+    def struck(segments) -> np.ndarray:
+        return (segments.run == run) & (segments.scored[:, 0] < row - 3) & (segments.scored[:, 1] > row + 3)
+
+    def follow(shooting, *how):
+        level = np.where(struck(shooting.segments), 20.0, 1.0)
+        return dataclasses.replace(fit(shooting), per_segment=level * shooting.segments.samples)
+
+    monkeypatch.setattr(lengths, "_roughly", follow)
+    monkeypatch.setattr(lengths, "chained", lambda shooting, fit: fit)
+    forms = dataclasses.replace(forms, stiff=touches)
+    found = longest(bench.machine, forms, bench.shooting.noise, 60.0)
+    assert found.halved
+    assert struck(found.segments).sum() == (not lost)

@@ -136,17 +136,21 @@ def cut(runs: Sequence[Run], seconds: float, pad: float) -> Segments:
     return lay(runs, pieces)
 
 
-def halve(segments: Segments, which: NDArray[np.bool_]) -> Segments:
+def halve(segments: Segments, which: NDArray[np.bool_], share: float | Array = 0.5) -> Segments:
     """Cuts some segments in two where they are long enough; the rest stay as they are.
 
     Args:
         segments: S segments.
         which: those to cut, ``(S,)``.
+        share: how much of a segment its first piece is; one for all, or ``(S,)``.
     """
     pieces: list[tuple[int, int, int, int]] = []
-    for number, first, (a, b), cut_it in zip(segments.run, segments.first, segments.scored, which, strict=True):
-        middle, counted = (a + b) // 2, segments.runs[number].counted
-        enough = b - a >= 2 * _LEAST and min(counted[a:middle].sum(), counted[middle:b].sum()) >= _LEAST_COUNTED
+    shares = np.broadcast_to(share, which.shape)
+    rows = zip(segments.run, segments.first, segments.scored, which, shares, strict=True)
+    for number, first, (a, b), cut_it, part in rows:
+        middle, counted = a + int(part * (b - a)), segments.runs[number].counted
+        enough = min(middle - a, b - middle) >= _LEAST
+        enough &= min(counted[a:middle].sum(), counted[middle:b].sum()) >= _LEAST_COUNTED
         parts = [(a, middle), (middle, b)] if cut_it and enough else [(a, b)]
         pieces += [(int(number), int(c - (a - first)), int(c), int(d)) for c, d in parts]
     return lay(segments.runs, pieces)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import bisect
 import dataclasses
 
 import numpy as np
@@ -31,6 +32,8 @@ _GROWTH = 6.0
 _OUT, _OUT_FAR = 10.0, 0.25
 """A segment stands out by so many times the median, and by so large a part of what is too far: one of twenty whose
 initial state was not found, at 50 times the noise, made a search of 150 s where nothing was missing."""
+_USUAL, _ELSEWHERE = 1.5, 1 / 3
+"""Times the median, and the noise, that is noise; and where a segment is cut whose halves are no more."""
 _ROUNDS = 6
 
 
@@ -59,8 +62,10 @@ class Lengths:
 def longest(machine: Machine, forms: Forms, noise: NoiseModel, too_far: float, known: Lengths | None = None) -> Lengths:
     """The longest segments over which the nominal stays close enough.
 
-    A segment is halved where the nominal is too far from it, stands out from the others, or where a small error of the
-    initial state grows much.
+    A segment is halved where the nominal is too far from it, where it stands out from the others, or where a small
+    error of the initial state grows much. Where both halves of one that stands out are noise, it is cut elsewhere: what
+    struck the machine just where it was cut is made up for by the initial state of the second half. Both strikes of a
+    slide on a stop went so, and nothing was left of a mismatch. Not where the model itself strikes something.
 
     Args:
         machine: model and runs.
@@ -77,12 +82,19 @@ def longest(machine: Machine, forms: Forms, noise: NoiseModel, too_far: float, k
     best = whole
     shortest = _SHORTEST_TOUCHING if forms.stiff else _SHORTEST
     while True:
-        bad = _stands_out(best, segments, too_far) | (_growth(best, segments, noise, machine.model.nq) > _GROWTH)
-        long = segments.dt[:, 0] * np.diff(segments.scored, axis=1)[:, 0] > 1.5 * shortest
+        out = _stands_out(best, segments, too_far)
+        bad = out | (_growth(best, segments, noise, machine.model.nq) > _GROWTH)
+        seconds = segments.dt[:, 0] * np.diff(segments.scored, axis=1)[:, 0]
+        long = seconds > 1.5 * shortest
         shorter = halve(segments, bad & long)
         if shorter.size == segments.size:
             return Lengths(segments, best, whole, form)
-        best, segments = _with_new(Shooting(form, shorter, noise), forms.stiff, segments, best), shorter
+        fit = _with_new(Shooting(form, shorter, noise), forms.stiff, segments, best)
+        hidden = out & (seconds > 2.25 * shortest) & ~_loud(fit, shorter, segments)
+        elsewhere = halve(segments, bad & long, np.where(hidden, _ELSEWHERE, 0.5))
+        if hidden.any() and not forms.stiff and elsewhere.size == shorter.size:
+            shorter, fit = elsewhere, _with_new(Shooting(form, elsewhere, noise), forms.stiff, segments, best)
+        best, segments = fit, shorter
 
 
 def followed(machine: Machine, forms: Forms, noise: NoiseModel) -> tuple[Shooting, Fit]:
@@ -114,6 +126,16 @@ def _stands_out(fit: Fit, segments: Segments, too_far: float) -> NDArray[np.bool
     """Where a fit is too far off, or much farther than elsewhere, ``(S,)``."""
     usual = _OUT * float(np.median(fit.per_segment / segments.samples))
     return segments.far_off(fit.per_segment, min(too_far, max(usual, _OUT_FAR * too_far)))
+
+
+def _loud(fit: Fit, pieces: Segments, whole: Segments) -> NDArray[np.bool_]:
+    """Whether a fit leaves more than is usual in some piece of each segment, ``(S,)``."""
+    level = fit.per_segment / pieces.samples
+    begins = [list(zip(some.run, some.scored[:, 0], strict=True)) for some in (whole, pieces)]
+    of = np.array([bisect.bisect_right(begins[0], begin) - 1 for begin in begins[1]])
+    most = np.zeros(whole.size)
+    np.maximum.at(most, of, level)
+    return most > _USUAL * max(float(np.median(level)), 1.0)
 
 
 def uncut(machine: Machine) -> Segments:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,23 +14,15 @@ from torch_activegp.diagnosis.simulation.controls import Controls
 from torch_activegp.physics.effect import Effect, Index
 from torch_activegp.physics.rotor import Past
 
-
-class _Asked(NamedTuple):
-    effect: Effect
-    runs: Sequence[Run]
-    starts: NDArray[Any]
-    values: Array
-
-    def is_as(self, other: _Asked) -> bool:
-        same = self.effect is other.effect and self.runs is other.runs
-        return same and np.array_equal(self.starts, other.starts) and np.array_equal(self.values, other.values)
+_MOST = 50_000
+"""Memories that are kept."""
 
 
 class Memories:
-    """The memory of each effect behind the recordings; the last one that takes long is kept.
+    """The memory of each effect behind the recordings; those that take long are kept, for each start and parameters.
 
-    A derivative by every part of the state asks for the same ones again: of a rotor, at each row of 29 segments, they
-    took half a diagnosis.
+    Derivatives by every part of the state ask for the same ones again, and so do sets that are fitted side by side: of
+    a rotor, at each row of 29 segments, they took half a diagnosis, and a sixth where the last ones alone were kept.
 
     Args:
         channels: what is recorded.
@@ -38,8 +30,8 @@ class Memories:
 
     def __init__(self, channels: Channels) -> None:
         self._channels = channels
-        self._asked: _Asked | None = None
-        self._told: Array = np.empty(0)
+        self._runs: Sequence[Run] = ()
+        self._known: dict[Effect, dict[bytes, Array]] = {}
 
     def __call__(
         self, effect: Effect, segments: Segments, rows: Index, values: Array, controls: Controls
@@ -62,14 +54,28 @@ class Memories:
         starts: NDArray[Any] = np.tile(one, (len(rows) // segments.size, 1))
         if not effect.needs_past:
             return effect.memory(positions, starts, values)
-        asked = _Asked(effect, segments.runs, starts, values)
-        if self._asked is None or not controls.held or not asked.is_as(self._asked):
-            past: tuple[Past, ...] = (controls.past(rows),)
-            told = effect.memory(positions, starts, values, *past)
-            if not controls.held or told is None:
-                return told
-            self._asked, self._told = asked, told
-        return self._told.copy()  # simulations go on in it
+
+        def behind(some: Index) -> Array | None:
+            past: tuple[Past, ...] = (controls.past(rows[some]),)
+            return effect.memory(positions, starts[some], values[some], *past)
+
+        if not controls.held:
+            return behind(np.arange(len(rows)))
+        known = self._kept(effect, segments.runs)
+        places = [place.tobytes() for place in np.column_stack([starts, values])]
+        new = list({place: i for i, place in enumerate(places) if place not in known}.values())
+        if new:
+            told = behind(np.array(new))
+            if told is None:
+                return None
+            known |= zip((places[i] for i in new), told, strict=True)
+        return np.stack([known[place] for place in places])
+
+    def _kept(self, effect: Effect, runs: Sequence[Run]) -> dict[bytes, Array]:
+        """What is known of an effect in some runs."""
+        if runs is not self._runs or sum(map(len, self._known.values())) > _MOST:
+            self._runs, self._known = runs, {}
+        return self._known.setdefault(effect, {})
 
 
 def smoothed(runs: Sequence[Run], channels: Channels, address: int) -> Array | None:
