@@ -38,6 +38,19 @@ def test_each_row_is_an_ordinary_least_squares_fit(generator: torch.Generator) -
         assert slope[row].item() == pytest.approx(fit(time[row].item()), rel=1e-8)
 
 
+@pytest.mark.parametrize("pause", [0.1, 10.0, 1e4])
+def test_a_pause_in_a_window_costs_no_digits(pause: float, generator: torch.Generator) -> None:
+    time = clock(0.4, generator)
+    time[30:] += pause
+    values = torch.randn(60, generator=generator, dtype=torch.float64)
+    value, slope = local_motion(time, values, 9, 3)
+    for row, start in [(10, 6), (28, 24), (29, 25), (32, 28), (57, 51)]:
+        t = time[start : start + 9].numpy()
+        fit = np.polynomial.Polynomial.fit(t, values[start : start + 9].numpy(), 3)
+        assert value[row].item() == pytest.approx(fit(time[row].item()), rel=1e-6, abs=1e-6)
+        assert slope[row].item() == pytest.approx(fit.deriv()(time[row].item()), rel=1e-5, abs=1e-6)
+
+
 @pytest.mark.parametrize("jitter", [0.0, 0.4])
 def test_a_higher_degree_follows_more_and_averages_noise(jitter: float, generator: torch.Generator) -> None:
     time = clock(jitter, generator)

@@ -89,6 +89,8 @@ def test_a_soft_first_guess_comes_with_a_stop_that_ends_the_motion_on_the_way_th
     assert 0.5 * stiffness * 0.01**2 == pytest.approx(0.5 * stop.inertia * bench.shoulder.speed**2)  # its energy
     assert damping == pytest.approx(0.1 * 2.0 * np.sqrt(stiffness * stop.inertia))
     assert len(stop.starts_beside(np.array([0.2 * stiffness, 0.1, place]))) == 2  # hard itself
+    (hard,) = stop.starts_beside(np.array([0.0, 0.1, place]))  # no damping is critical of what does not push back
+    assert hard[0] == pytest.approx(stiffness)
 
 
 def test_a_stop_springs_back(bench: Any) -> None:

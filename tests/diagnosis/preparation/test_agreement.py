@@ -42,7 +42,7 @@ def test_what_takes_longer_steps_than_a_form_that_is_not_close_is_not_tried(clea
 
 def test_where_nothing_is_close_the_precise_fit_is_taken_as_it_is(clean, forms, monkeypatch) -> None:
     monkeypatch.setattr(agreement, "is_close", lambda *_: False)
-    few, _, many = forms
+    few, _, many = forms  # four times the steps
     precise = dataclasses.replace(clean.shooting, engine=many)
     exact = precise.fit([((), ())], clean.nominal.starts)[0]
     before = many.work
@@ -50,6 +50,20 @@ def test_where_nothing_is_close_the_precise_fit_is_taken_as_it_is(clean, forms, 
     assert working is precise and judged is exact
     once = pytest.approx(many.steps_in(clean.segments), rel=0.02)
     assert many.work - before == once  # the correction of the other form alone
+
+
+@pytest.mark.parametrize("steps", [2, 6])
+def test_a_form_that_saves_little_is_not_fitted_where_the_precise_one_was(clean, forms, monkeypatch, steps) -> None:
+    tried = []
+    monkeypatch.setattr(agreement, "is_close", lambda working, *_: tried.append(working.engine) or True)
+    few = forms[0]
+    many = Engine(clean.engine.model, clean.engine.channels, steps, 1)
+    precise = dataclasses.replace(clean.shooting, engine=many)
+    exact = precise.fit([((), ())], clean.nominal.starts)[0]
+    working, judged = first_close(precise, (few, many), exact, exact)
+    assert tried == ([few] if steps == 6 else [])
+    assert (working is precise and judged is exact) == (steps == 2)
+    assert first_close(precise, (few, many), exact, None)[0].engine is few
 
 
 @pytest.mark.parametrize(("own", "fits"), [(True, 1), (False, 2)])

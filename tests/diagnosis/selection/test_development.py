@@ -84,6 +84,40 @@ def test_sets_are_fitted_to_all_data_from_the_states_found_on_a_part(bench, monk
         np.testing.assert_array_equal(begin, starts)
 
 
+@pytest.mark.parametrize(("sets", "begun"), [(30, 30), (10, 10), (0, 6)])
+def test_no_more_sets_are_begun_than_end_by_then(bench, monkeypatch, sets: int, begun: int) -> None:
+    """The first of them; a few in any case."""
+    wet = bench.effect("viscous_friction")
+    proposed = [((wet,), (np.array([0.01 * i]),)) for i in range(30)]
+    monkeypatch.setattr(module, "_proposals", lambda *_: proposed)
+    passed: list = []
+    monkeypatch.setattr(module, "heat", lambda shooting, some, *_: passed.extend(some) or Heat([], np.zeros(0)))
+    chosen = Selection(bench.nominal, [bench.nominal], Score(bench.shooting.samples, 60, 1.0))
+    a_fit = 20.0 * bench.engine.steps_in(bench.segments)
+    work = screening_of(bench, wet)
+    expand(chosen, bench.shooting, [wet], bench.nominal, bench.shooting.work + work + (sets + 0.5) * a_fit)
+    assert passed == proposed[:begun]
+
+
+def screening_of(bench, effect) -> float:
+    """Time steps of a score test."""
+    before = bench.shooting.work
+    screen(bench.shooting, bench.nominal, [effect])
+    return bench.shooting.work - before
+
+
+def test_what_is_simpler_ends_where_so_much_is_computed_in_all(bench, monkeypatch) -> None:
+    two = (bench.effect("constant_force"), bench.effect("viscous_friction"))
+    (fit,) = bench.shooting.fit([(two, (np.array([0.01]), np.array([0.01])))], bench.nominal.starts)
+    chosen = Selection(bench.nominal, [bench.nominal, fit], Score(bench.shooting.samples, 60, 1.0))
+    ends: list[float] = []
+    monkeypatch.setattr(module, "compare", lambda *args, **_: ends.append(args[4].work))
+    heated = module.heat
+    monkeypatch.setattr(module, "heat", lambda *args: ends.append(args[4]) or heated(*args))
+    simplify(chosen, bench.shooting, bench.effects, 7e6)
+    assert ends == [7e6, 7e6]
+
+
 @pytest.mark.parametrize(
     ("astray", "held_well", "again"),
     [("one", True, True), ("none", True, False), ("all", True, False), ("one", False, False)],

@@ -316,6 +316,21 @@ def test_noise_that_was_found_louder_is_the_floor_from_then_on(bench, monkeypatc
     np.testing.assert_allclose(floors[1].scale, 1.5 * floors[0].scale)
 
 
+def test_a_search_by_another_noise_begins_from_what_was_found_and_is_shorter(bench, monkeypatch) -> None:
+    depths: list[Depth] = []
+
+    def louder(shooting, fit, floor, last=False):
+        return NoiseModel(1.05 * shooting.noise.scale, shooting.noise.colour) if len(depths) == 1 else None
+
+    monkeypatch.setattr(module, "noise_behind", louder)
+    monkeypatch.setattr(module, "select", lambda *a: depths.append(a[-1]) or select(*a))
+    explain(bench.machine, some(bench), 1)
+    first, second = depths[:2]
+    assert second.work < first.work
+    assert second.more < first.more
+    assert second.rounds == first.rounds  # and as deep
+
+
 def test_a_simulator_that_fails_where_the_machine_was_says_in_which_run(black) -> None:
     inner = black.simulator()
 

@@ -9,7 +9,7 @@ from tests.diagnosis.conftest import XML, assemble, swing
 from torch_activegp.data import Recording
 from torch_activegp.diagnosis.noise.model import NoiseModel
 from torch_activegp.diagnosis.selection.compared import Selection
-from torch_activegp.diagnosis.selection.development import expand
+from torch_activegp.diagnosis.selection.development import _proposals, expand
 from torch_activegp.diagnosis.selection.more_axes import in_fewer_axes, in_more_axes
 from torch_activegp.diagnosis.selection.polish import polish
 from torch_activegp.diagnosis.selection.screening import Atom, Screen
@@ -83,6 +83,24 @@ def test_a_centre_of_mass_that_moved_along_two_axes_is_found_beside_another_effe
     chosen = Selection(nominal, [nominal], Score(shooting.samples, 60, 1.0))
     expand(chosen, shooting, [friction, *along.values()], nominal)
     assert set(chosen.best.effects) == {friction, along["xz"]}
+
+
+@pytest.mark.parametrize(("shared", "proposed"), [(0.0, False), (1.9, True)])
+def test_a_vector_is_proposed_along_axes_that_gain_little_alone(bench, shared: float, proposed: bool) -> None:
+    """Where it gains more along both than what gains most alone."""
+    both, wet = GravityError.along(0, 2), bench.effect("viscous_friction")
+    normal = np.array([[1.0, shared, 0.0], [shared, 4.0, 0.0], [0.0, 0.0, 1.0]])
+    gradient = np.array([8.0, -16.0, 20.0])  # gains of 64, 64 and 400
+    along = screened("zx", normal[:2, :2], gradient[:2])
+    friction = Atom(wet, np.ones(1), 400.0, slice(2, 3), wet.seeds[0])
+    test = Screen((*along.atoms, friction), normal, gradient)
+    chosen = Selection(bench.nominal, [bench.nominal], Score(1000, 10, 1.0))
+    sets = _proposals(chosen, bench.nominal, test, [both, *(atom.effect for atom in test.atoms)], 1)
+    found = [values for effects, (values, *_) in sets if effects == (both,)]
+    assert len(found) == proposed
+    for values in found:
+        together = np.linalg.solve(normal[:2, :2], gradient[:2])[::-1]
+        np.testing.assert_allclose(values / along.atoms[0].seed[0], together)
 
 
 @pytest.mark.parametrize(

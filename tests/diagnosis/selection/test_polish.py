@@ -67,6 +67,25 @@ def test_the_best_set_and_its_rivals_end_at_their_optimum(bench, monkeypatch, cu
     assert bool(again.chi2 <= chosen.best.chi2 + 0.5) is not (cut_short and lost)
 
 
+@pytest.mark.parametrize(("creeps", "times"), [(0.0, 3), (1e-2, 1)])
+def test_what_creeps_is_not_polished_over_and_over(bench, monkeypatch, creeps: float, times: int) -> None:
+    """A tuned arm with 29 parameters gained 1 in 17000 each time, and so did its rivals."""
+    module = "torch_activegp.diagnosis.selection.polish"
+    friction = bench.effect("viscous_friction")
+    fit, asked = bench.fit("viscous_friction", 0.05), []
+
+    def chained(_, fit):
+        asked.append(1)
+        return dataclasses.replace(fit, chi2=fit.chi2 - min(len(asked), 3))
+
+    monkeypatch.setattr(f"{module}.chained", chained)
+    monkeypatch.setattr(f"{module}._CREEPS", creeps)
+    monkeypatch.setattr(f"{module}._POLISHES", 3)
+    chosen = Selection(bench.nominal, [bench.nominal, fit], Score(bench.shooting.samples, 5, 1.0))
+    polish(bench.shooting, chosen, [friction])
+    assert len(asked) == times
+
+
 @pytest.mark.parametrize("free", [True, False])
 def test_one_name_is_fitted_in_place_of_two_of_which_one_seemed_to_undo_a_tuning(bench, free: bool) -> None:
     """Else the search itself has compared them."""
