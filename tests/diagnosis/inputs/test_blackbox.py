@@ -211,7 +211,7 @@ def test_a_simulator_on_a_gpu_is_diagnosed(black) -> None:
 
 
 def test_what_is_not_on_the_list_is_unknown_and_learned(black) -> None:
-    runs = [black.record("unlisted", i, 6.0) for i in range(3)]
+    runs = [black.record("unlisted", i, 5.0) for i in range(2)]
     found = diagnose(black.simulator(), runs, [black.record("unlisted", 9)])
     assert (found.verdict, found.effects) == ("unknown", ())
     assert found.details["location"][0]["target"] == "joint:theta"

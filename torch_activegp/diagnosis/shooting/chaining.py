@@ -78,7 +78,7 @@ def _tried(shooting: Shooting, fit: Fit, where: NDArray[np.bool_], ways: Sequenc
     """
     which = np.flatnonzero(where)
     sets, starts = [(fit.effects, fit.values)] * len(ways), np.stack([states[which] for states in ways])
-    near = fit.pick(which) if fit.columns is None else dataclasses.replace(fit, columns=None).pick(which)
+    near = dataclasses.replace(fit, columns=None).pick(which)
     for other in shooting.pick(which).fit(sets, starts, rounds=_STEPS, hold=True, near=near):
         better = other.per_segment < fit.per_segment[which] - _BETTER
         fit = _with(fit, which[better], other.pick(better)) if better.any() else fit
