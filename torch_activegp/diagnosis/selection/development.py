@@ -59,13 +59,13 @@ def expand(selection: Selection, shooting: Shooting, effects: Sequence[Effect], 
     part, here = seen_on(shooting, fit, selection.score)
     screened = screen(part, here, allowed(effects, fit)).times(shooting.segments.size / part.segments.size)
     most = max(MOST, _CHEAP // shooting.segments.size)
-    proposed = richer(fit, effects)
+    known = {frozenset(f.effects) for f in selection.fits}
+    proposed = [p for p in _proposals(selection, fit, screened, effects, most) if frozenset(p[0]) not in known]
+    room = (work - shooting.work) / (_A_FIT * part.engine.steps_in(part.segments))
+    proposed = [*proposed[: max(MOST, int(min(room, len(proposed))))], *richer(fit, effects)]
     if selection.score.names_in(fit.effects) < len(fit.effects):
         proposed += undone(fit, screened, selection.score.a_parameter * selection.score.scale)
-    proposed += _proposals(selection, fit, screened, effects, most)
-    known = {frozenset(f.effects) for f in selection.fits}
-    count = max(MOST, int(min((work - shooting.work) / (_A_FIT * part.engine.steps_in(part.segments)), len(proposed))))
-    begun = [some for some in proposed if frozenset(some[0]) not in known][:count]
+    begun = [some for some in proposed if frozenset(some[0]) not in known]
     fresh = heat(shooting, begun, fit, selection.score, work)
     compare(shooting, selection, fresh.sets, fit, Effort(work=work, race=True), below=fit, starts=fresh.starts)
 

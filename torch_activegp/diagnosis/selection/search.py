@@ -120,7 +120,7 @@ def go_on(
     if tuned and goes_on:
         undo(selection, shooting, effects)
     if (tuned or selection.best is not found) and not selection.cut_short:
-        simplify(selection, shooting, effects, depth.at_most)
+        _simplify(selection, shooting, effects, depth)
         search(selection, shooting, effects, tell, depth)
     if selection.score.free and not _only_undoes(selection, shooting):
         selection.score = selection.score.without_free()
@@ -161,7 +161,15 @@ def search(
             develop(fit)
         if beam:
             step_by_step(least=BEAM + 1)
-            simplify(selection, shooting, effects, depth.at_most)
+            _simplify(selection, shooting, effects, depth)
+
+
+def _simplify(selection: Selection, shooting: Shooting, effects: Sequence[Effect], depth: Depth) -> None:
+    """Simplifies what was found, by as much work at least as rivals of it may take, however little is left.
+
+    On a drive (EMPS) a search that had none left named Stribeck's friction in place of dry friction.
+    """
+    simplify(selection, shooting, effects, max(depth.at_most, shooting.work + min(depth.more, _MORE)))
 
 
 def _rounds(
@@ -171,7 +179,7 @@ def _rounds(
     for number in range(depth.rounds):
         be_fair(selection, shooting)
         if shooting.work > depth.work:
-            simplify(selection, shooting, effects, depth.at_most)  # what came last in place of an effect too
+            _simplify(selection, shooting, effects, depth)  # what came last in place of an effect too
             selection.cut_short = not _is_complete(selection, shooting, skipped)
             return
         yield number
@@ -225,7 +233,7 @@ def _resorts(
         yield True
     yield from _swapped(selection, shooting, effects, tell, depth)
     if step_by_step():
-        simplify(selection, shooting, effects, depth.at_most)
+        _simplify(selection, shooting, effects, depth)
         yield True
         yield from _swapped(selection, shooting, effects, tell, depth)
 
