@@ -66,7 +66,8 @@ def longest(machine: Machine, forms: Forms, noise: NoiseModel, too_far: float, k
     A segment is halved where the nominal is too far from it, where it stands out from the others, or where a small
     error of the initial state grows much. Where both halves of one that stands out are noise, it is cut elsewhere: what
     struck the machine just where it was cut is made up for by the initial state of the second half. Both strikes of a
-    slide on a stop went so, and nothing was left of a mismatch. Not where the model itself strikes something.
+    slide on a stop went so, and nothing was left of a mismatch; a piece may be half of the shortest there. Not where the
+    model itself strikes something.
 
     Args:
         machine: model and runs.
@@ -91,7 +92,7 @@ def longest(machine: Machine, forms: Forms, noise: NoiseModel, too_far: float, k
         if shorter.size == segments.size:
             return Lengths(segments, best, whole, form)
         fit = _with_new(Shooting(form, shorter, noise), forms.stiff, segments, best)
-        hidden = out & (seconds > 2.25 * shortest) & ~_loud(fit, shorter, segments)
+        hidden = out & long & ~_loud(fit, shorter, segments)
         elsewhere = halve(segments, bad & long, np.where(hidden, _ELSEWHERE, 0.5))
         if hidden.any() and not forms.stiff and elsewhere.size == shorter.size:
             shorter, fit = elsewhere, _with_new(Shooting(form, elsewhere, noise), forms.stiff, segments, best)
