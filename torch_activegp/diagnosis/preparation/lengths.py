@@ -86,16 +86,16 @@ def longest(machine: Machine, forms: Forms, noise: NoiseModel, too_far: float, k
     while True:
         out = _stands_out(best, segments, too_far)
         bad = out | (_growth(best, segments, noise, machine.model.nq) > _GROWTH)
-        seconds = segments.dt[:, 0] * np.diff(segments.scored, axis=1)[:, 0]
-        long = seconds > 1.5 * shortest
+        long = segments.dt[:, 0] * np.diff(segments.scored, axis=1)[:, 0] > 1.5 * shortest
         shorter = halve(segments, bad & long)
         if shorter.size == segments.size:
             return Lengths(segments, best, whole, form)
         fit = _with_new(Shooting(form, shorter, noise), forms.stiff, segments, best)
         hidden = out & long & ~_loud(fit, shorter, segments)
-        elsewhere = halve(segments, bad & long, np.where(hidden, _ELSEWHERE, 0.5))
-        if hidden.any() and not forms.stiff and elsewhere.size == shorter.size:
-            shorter, fit = elsewhere, _with_new(Shooting(form, elsewhere, noise), forms.stiff, segments, best)
+        if hidden.any() and not forms.stiff:
+            elsewhere = halve(segments, bad & long, np.where(hidden, _ELSEWHERE, 0.5))
+            if elsewhere.size == shorter.size:  # no piece would be too short
+                shorter, fit = elsewhere, _with_new(Shooting(form, elsewhere, noise), forms.stiff, segments, best)
         best, segments = fit, shorter
 
 

@@ -60,12 +60,15 @@ def expand(selection: Selection, shooting: Shooting, effects: Sequence[Effect], 
     screened = screen(part, here, allowed(effects, fit)).times(shooting.segments.size / part.segments.size)
     most = max(MOST, _CHEAP // shooting.segments.size)
     known = {frozenset(f.effects) for f in selection.fits}
-    proposed = [p for p in _proposals(selection, fit, screened, effects, most) if frozenset(p[0]) not in known]
+
+    def new(sets: Sequence[Set]) -> list[Set]:
+        return [some for some in sets if frozenset(some[0]) not in known]
+
+    begun = new(_proposals(selection, fit, screened, effects, most))
     room = (work - shooting.work) / (_A_FIT * part.engine.steps_in(part.segments))
-    proposed = [*proposed[: max(MOST, int(min(room, len(proposed))))], *richer(fit, effects)]
+    begun = [*begun[: max(MOST, int(min(room, len(begun))))], *new(richer(fit, effects))]
     if selection.score.names_in(fit.effects) < len(fit.effects):
-        proposed += undone(fit, screened, selection.score.a_parameter * selection.score.scale)
-    begun = [some for some in proposed if frozenset(some[0]) not in known]
+        begun += new(undone(fit, screened, selection.score.a_parameter * selection.score.scale))
     fresh = heat(shooting, begun, fit, selection.score, work)
     compare(shooting, selection, fresh.sets, fit, Effort(work=work, race=True), below=fit, starts=fresh.starts)
 

@@ -103,7 +103,7 @@ def _near(selection: Selection, best: Fit, gained: float, stuck: float) -> list[
 
 
 def _again(precise: Shooting, fit: Fit, best: Fit) -> Fit:
-    """A rival with all derivatives taken where it is, and with the best set's states where these are better."""
+    """A rival with derivatives by parameters taken where it is, and the best set's states where these are better."""
     begin = dataclasses.replace(fit, columns=None, taken=None)
     found = borrowed(precise, begin, best)
     if found is not begin or not fit.effects:

@@ -53,9 +53,9 @@ class Depth:
     more: float = _PATIENCE
 
     @property
-    def at_most(self) -> float:
-        """Time steps by which rivals of what was found end, and what is simpler."""
-        return self.work + min(self.more, _MORE)
+    def aside(self) -> float:
+        """Time steps on top for rivals of what was found, and for what is simpler."""
+        return min(self.more, _MORE)
 
     def counted_from(self, work: float) -> Depth:
         """The same with its work on top of some that is done."""
@@ -169,7 +169,7 @@ def _simplify(selection: Selection, shooting: Shooting, effects: Sequence[Effect
 
     On a drive (EMPS) a search that had none left named Stribeck's friction in place of dry friction.
     """
-    simplify(selection, shooting, effects, max(depth.at_most, shooting.work + min(depth.more, _MORE)))
+    simplify(selection, shooting, effects, max(depth.work, shooting.work) + depth.aside)
 
 
 def _rounds(
@@ -243,13 +243,14 @@ def _swapped(
 ) -> Iterator[bool]:
     """Others in place of each effect of the best set, so often at most, as long as another set becomes the best."""
     begun: frozenset[Effect] = frozenset()
+    end = depth.work + depth.aside
     for _ in range(depth.swaps):
         if frozenset(selection.best.effects) == begun or hopeless(selection, shooting):
             break
         begun = frozenset(selection.best.effects)
         tell("testing what could stand in place of each effect")
-        swap(selection, shooting, effects, depth.at_most)
-        selection.swapped = begun if shooting.work <= depth.at_most else frozenset()
+        swap(selection, shooting, effects, end)
+        selection.swapped = begun if shooting.work <= end else frozenset()
         yield True
 
 
