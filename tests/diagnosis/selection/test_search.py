@@ -346,3 +346,16 @@ def test_once_a_tuning_is_seen_more_of_it_is_undone(bench, monkeypatch, tuned: b
     depth = Depth(work=1.0 if cut else 1e9)
     chosen = select(bench.shooting, [bench.effect("viscous_friction")], bench.nominal, depth=depth)
     assert undone == [chosen.best] * (tuned and not cut)
+
+
+@pytest.mark.parametrize(("work", "more", "aside"), [(1e9, 2e6, 2e6), (0.0, 2e6, 2e6), (0.0, 9e9, 5e6)])
+def test_what_is_simpler_has_work_of_its_own_however_little_is_left(bench, monkeypatch, work, more, aside) -> None:
+    """A drive's search had none left, and named Stribeck's friction in place of dry friction."""
+    ends: list[float] = []
+    monkeypatch.setattr("torch_activegp.diagnosis.selection.search.simplify", lambda *args: ends.append(args[-1]))
+    wet = bench.fit("viscous_friction", 0.05)
+    chosen = Selection(bench.nominal, [bench.nominal, wet], Score(bench.shooting.samples, 5, 1.0))
+    done = bench.shooting.work
+    search(chosen, bench.shooting, list(wet.effects), lambda _: None, Depth(work=work, more=more))
+    assert ends
+    assert max(work, done) + aside <= min(ends) <= max(ends) <= max(work, bench.shooting.work) + aside
