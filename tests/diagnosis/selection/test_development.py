@@ -7,7 +7,7 @@ import pytest
 
 from torch_activegp.diagnosis.selection import development as module
 from torch_activegp.diagnosis.selection.compared import Selection
-from torch_activegp.diagnosis.selection.development import be_fair, expand, simplify
+from torch_activegp.diagnosis.selection.development import be_fair, expand, refine, simplify
 from torch_activegp.diagnosis.selection.heats import Heat
 from torch_activegp.diagnosis.selection.screening import screen
 from torch_activegp.diagnosis.shooting.likelihood import Shooting
@@ -116,6 +116,76 @@ def test_what_is_simpler_ends_where_so_much_is_computed_in_all(bench, monkeypatc
     monkeypatch.setattr(module, "heat", lambda *args: ends.append(args[4]) or heated(*args))
     simplify(chosen, bench.shooting, bench.effects, 7e6)
     assert ends == [7e6, 7e6]
+
+
+@pytest.mark.parametrize(("scale", "known", "told"), [(1.0, False, True), (1.0, True, False), (1.2, False, False)])
+def test_a_law_that_contains_that_of_the_best_set_is_tried_in_its_place(
+    bench, monkeypatch, scale: float, known: bool, told: bool
+) -> None:
+    """Where noise alone is left nothing comes on top of it any more, and that may be missing yet."""
+    fit = bench.fit("viscous_friction", bench.viscous)
+    rich = next(e for e in bench.effects if "viscous_friction" in e.covers)
+    other = dataclasses.replace(fit, effects=(rich,), values=(np.ones(2),), chi2=fit.chi2 + 1.0)
+    fits = [bench.nominal, fit, *([other] if known else [])]
+    chosen = Selection(bench.nominal, fits, Score(bench.shooting.samples, 60, scale))
+    better = dataclasses.replace(other, chi2=fit.chi2 - 100.0)
+    asked: list = []
+
+    def compare(shooting, selection, sets, near, effort, below) -> None:
+        asked.append((sets, near, effort.work, below))
+        selection.add([better])
+
+    monkeypatch.setattr(module, "compare", compare)
+    assert refine(chosen, bench.shooting, bench.effects, 7e6) is told
+    assert chosen.best is (better if told else fit)
+    if told:
+        ((sets, near, work, below),) = asked
+        assert {effects for effects, _ in sets} == {(rich,)}
+        assert near is below is fit
+        assert work == 7e6
+
+
+def test_the_best_of_new_sets_are_chained(bench, monkeypatch) -> None:
+    """Where a machine strikes, the right one may leave more than a wrong one, in a single segment."""
+    wet, drag, push = (bench.fit(name, 0.02) for name in ("viscous_friction", "quadratic_drag", "constant_force"))
+    chosen = Selection(bench.nominal, [bench.nominal, push], Score(bench.shooting.samples, 60, 1.0))
+    better = dataclasses.replace(drag, chi2=wet.chi2 - 50.0)
+    asked: list = []
+    monkeypatch.setattr(module, "chained", lambda _, fit: asked.append(fit) or (better if fit is drag else fit))
+    monkeypatch.setattr(module, "compare", lambda shooting, selection, *_, **__: selection.add([wet, drag]))
+    sets = [(fit.effects, fit.values) for fit in (wet, drag)]
+    touches = np.arange(300) < 6
+    monkeypatch.setattr(module, "poses_that_touch", lambda *_: (touches, touches))
+    monkeypatch.setattr(module, "_proposals", lambda *_: sets)
+    monkeypatch.setattr(module, "heat", lambda *_: Heat(sets, np.stack([bench.nominal.starts] * 2)))
+    expand(chosen, bench.shooting, bench.effects, bench.nominal)
+    assert asked == [wet, drag]  # the push is not new
+    assert chosen.best is better
+    assert len(chosen.fits) == 5
+    asked.clear()
+    expand(chosen, bench.shooting, bench.effects, bench.nominal, bench.shooting.work)  # no time is left
+    touches &= False
+    expand(chosen, bench.shooting, bench.effects, bench.nominal)  # nothing is struck
+    assert asked == []
+
+
+@pytest.mark.parametrize(("fits", "begun"), [(0.0, 3), (4.5, 4), (np.inf, 5)])
+def test_no_more_of_what_is_simpler_is_begun_than_ends_in_time(bench, monkeypatch, fits: float, begun: int) -> None:
+    """The first three in any case: they come in order."""
+    fit = bench.fit("viscous_friction", bench.viscous)
+    chosen = Selection(bench.nominal, [bench.nominal, fit], Score(bench.shooting.samples, 60, 1.0))
+    sets = [((effect,), (effect.seeds[0],)) for effect in bench.effects[:5]]
+    compared: list = []
+    monkeypatch.setattr(module, "simpler", lambda *_: list(sets))
+    monkeypatch.setattr(module, "heat", lambda _, some, fit, *a: Heat(list(some), np.stack([fit.starts] * len(some))))
+    monkeypatch.setattr(module, "compare", lambda *args, starts: compared.append((args[2], starts)))
+    for name in ("forms_of_parts", "with_another_past"):
+        monkeypatch.setattr(module, name, lambda *_: [])
+    one = 20.0 * bench.engine.steps_in(bench.segments)
+    simplify(chosen, bench.shooting, bench.effects, bench.shooting.work + fits * one)
+    ((some, starts),) = compared
+    assert list(some) == sets[:begun]
+    assert len(starts) == begun
 
 
 @pytest.mark.parametrize(

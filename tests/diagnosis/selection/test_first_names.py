@@ -98,26 +98,50 @@ def test_a_long_search_that_leaves_much_was_in_vain(bench, monkeypatch, cut: boo
     assert module.on_a_part(naming, numerics, bench.shooting.noise, [], lambda _: None).in_vain == vain
 
 
-@pytest.mark.parametrize(("vain", "most"), [(True, np.inf), (False, np.inf), (True, 10.0)])
-def test_what_strikes_is_sought_in_shorter_steps_where_a_search_was_in_vain(bench, monkeypatch, vain, most) -> None:
-    """And names go on from there, by that form; but not in brief pieces."""
+@pytest.mark.parametrize(
+    ("vain", "scale", "most", "asked"),
+    [
+        (True, 3.0, np.inf, [True]),
+        (False, 3.0, np.inf, [False]),
+        (False, 1.0, np.inf, []),  # noise alone is left
+        (True, 3.0, 10.0, []),  # in brief pieces
+    ],
+)
+def test_what_strikes_is_sought_in_shorter_steps_where_something_is_left(
+    bench, monkeypatch, vain: bool, scale: float, most: float, asked: list[bool]
+) -> None:
+    """And names go on from there, by the form of the model that agrees best behind it."""
     right, other = bench.fit("viscous_friction", bench.viscous), dataclasses.replace(bench.shooting)
-    first = Selection(bench.nominal, [bench.nominal], Score(bench.shooting.samples, 10, 3.0), cut_short=vain)
+    first = Selection(bench.nominal, [bench.nominal], Score(bench.shooting.samples, 10, scale), cut_short=vain)
     later = Selection(bench.nominal, [bench.nominal, right], Score(bench.shooting.samples, 10, 1.0))
-    selections, asked = [first, later], []
+    selections, told, behind = [first, later], [], []
     monkeypatch.setattr(module, "select", lambda *_, **__: selections.pop(0))
-    struck = bench.engine, other, bench.nominal, right
-    monkeypatch.setattr(module, "in_short_steps", lambda *a: asked.append(a[4]) or struck)
+    struck = right.effects, right.values
+    monkeypatch.setattr(module, "in_short_steps", lambda *a: told.append(a[6]) or struck)
+    chosen = bench.engine, other, bench.nominal, right
+    monkeypatch.setattr(Numerics, "choose", lambda *a: behind.append(a[5]) or chosen)
     naming = Naming(bench.engine, bench.shooting, bench.nominal, bench.nominal)
     numerics, noise = Numerics.of(bench.machine, 1), bench.shooting.noise
     found = module.on_a_part(naming, numerics, noise, [], lambda _: None, most)
-    if vain and most > 1e9:
-        assert asked == [first]
+    assert told == asked
+    assert behind == [[struck] for _ in asked]
+    if asked:
         assert (found.shooting, found.judged, found.in_vain) == (other, right, False)
         assert found.best == frozenset(right.effects)
     else:
-        assert asked == []
-        assert found.in_vain == vain
+        assert found.in_vain == (vain and scale > 1.5)
+
+
+def test_what_strikes_leads_on_only_where_it_fits_all_data(bench, monkeypatch) -> None:
+    first = Selection(bench.nominal, [bench.nominal], Score(bench.shooting.samples, 10, 3.0))
+    monkeypatch.setattr(module, "select", lambda *_, **__: first)
+    right = bench.fit("viscous_friction", bench.viscous)
+    monkeypatch.setattr(module, "in_short_steps", lambda *_: (right.effects, right.values))
+    failed = bench.engine, bench.shooting, bench.nominal, dataclasses.replace(right, chi2=np.inf)
+    monkeypatch.setattr(Numerics, "choose", lambda *_: failed)
+    naming = Naming(bench.engine, bench.shooting, bench.nominal, bench.nominal)
+    numerics, noise = Numerics.of(bench.machine, 1), bench.shooting.noise
+    assert not module.on_a_part(naming, numerics, noise, [], lambda _: None).best
 
 
 @pytest.mark.parametrize("most", [True, False])

@@ -127,3 +127,45 @@ def test_what_is_worth_much_is_looked_for_on_a_part_with_the_worst_segments(benc
     assert here.per_segment.max() == fit.per_segment.max()
     tuned = dataclasses.replace(dear, free=frozenset({("viscous_friction", "joint:hip")}))
     assert seen_on(bench.shooting, fit, tuned)[0] is bench.shooting
+
+
+@pytest.mark.parametrize(("mismatch", "better"), [(10.0, True), (1e5, True), (10.0, False)])
+def test_what_may_strike_is_sought_from_the_recording_where_a_fit_stands_out(
+    bench, monkeypatch, mismatch: float, better: bool
+) -> None:
+    """There the states of a fit that strikes nothing lead nowhere; what it holds already stays as it is."""
+    stop, wet = bench.effect("joint_stop"), bench.effect(WET)
+    out = np.eye(len(bench.nominal.starts))[1]
+    fit = dataclasses.replace(bench.fit(WET, bench.viscous), per_segment=1e6 * out)
+    recorded = bench.engine.starts(bench.segments)[[1]]
+    begun: list = []
+    real = Shooting.fit
+
+    def fitted(self, sets, starts, *rest, **how):
+        begun.append((sets, starts, self.segments.size))
+        if self.segments.size > 1:
+            return real(self, sets, starts, *rest, **how)
+        assert [effects for effects, _ in sets] == [(wet, stop)]
+        values = np.array([7.0]), 2.0 * stop.seeds[0]
+        found = fit.pick(np.array([1]))
+        chi2 = 1.0 if better else 2e6
+        return [dataclasses.replace(found, effects=(wet, stop), values=values, starts=recorded + 0.5, chi2=chi2)]
+
+    monkeypatch.setattr(Shooting, "fit", fitted)
+    drag = bench.effect("quadratic_drag")
+    sets = [((wet, drag), (fit.values[0], np.array([0.01]))), ((wet, stop), (fit.values[0], stop.seeds[0]))]
+    found = heat(bench.shooting, sets, fit, Score(bench.shooting.samples, 20, 1.0, mismatch=mismatch))
+    np.testing.assert_array_equal(begun[0][1], recorded)
+    first, starts = begun[1][:2] if mismatch > 100.0 else found
+    place = 1 if mismatch < 100.0 else list(bench.shooting.subset(module.PART, fit.per_segment)[1]).index(1)
+    assert first[0] == sets[0]
+    np.testing.assert_array_equal(starts[0][place], fit.starts[1])
+    np.testing.assert_array_equal(starts[1][place], recorded[0] + 0.5 if better else fit.starts[1])
+    (effects, values) = first[1]
+    assert tuple(effects) == (wet, stop)
+    np.testing.assert_array_equal(values[0], fit.values[0])
+    np.testing.assert_array_equal(values[1], 2.0 * stop.seeds[0] if better else stop.seeds[0])
+    begun.clear()
+    held = dataclasses.replace(fit, effects=(wet, stop), values=sets[1][1])  # whose states know of it
+    heat(bench.shooting, sets[1:], held, Score(bench.shooting.samples, 20, 1.0))
+    assert begun == []

@@ -69,6 +69,11 @@ def test_a_law_is_not_told_from_those_that_contain_it_where_it_is_weak_or_these_
     monkeypatch.setattr(Selection, "best", begin)
     assert as_part(bench.shooting, selection, wet) == ((rich.key,) if tied else ())
     assert as_part(bench.shooting, selection, push) == ()
+    without = dataclasses.replace(selection, fits=[begin, beside(rich, chi2=law.chi2)])
+    assert as_part(bench.shooting, without, wet) == ()
+    assert as_part(bench.shooting, without, wet, frozenset({push.key})) == (
+        (rich.key,) if tied else ()
+    )  # which is not named
     selection.fits.pop()
     assert as_part(bench.shooting, selection, wet) == ()
     selection.score = dataclasses.replace(score, scale=1e3)
@@ -114,6 +119,27 @@ def test_all_that_stands_for_a_name_is_listed_once(bench) -> None:
     assert ties_of(far, dry, dry.effects[0], (), (), within=8.0) == (two_sided.effects[0].key,)
 
 
+@pytest.mark.parametrize("tuned", [True, False])
+def test_what_undoes_a_tuning_may_be_another_thing_in_a_set_that_says_the_same(bench, tuned: bool) -> None:
+    """A push there, and a drive's bias here."""
+    gravity, mass = bench.effect("gravity_error", "world"), bench.effect("payload_mass", "body:rod")
+    push, bias = bench.effect("constant_force"), bench.effect("actuator_bias", "actuator:drive")
+    wet = bench.effect("viscous_friction")
+    one, two, three = (
+        dataclasses.replace(bench.nominal, effects=effects, values=(np.ones(1),) * len(effects))
+        for effects in ((mass, push, wet), (gravity, bias, wet), (gravity, bias))
+    )
+    undoes = (push, wet) if tuned else ()
+    for rivals in ([(one, 0.0, 0.5), (two, 0.0, 0.5)], [(one, 0.0, 0.5), (three, 0.0, 0.3), (two, 0.0, 0.2)]):
+        told = ties_of(rivals, one, mass, undoes, undoes, tunable=(push, bias, wet))
+        assert told == ((gravity.key,) if tuned else ())
+    assert ties_of([(one, 0.0, 0.5), (two, 9.0, 0.5)], one, mass, undoes, undoes, tunable=(push, bias, wet)) == ()
+    stands_in = dataclasses.replace(one, effects=(bias, push, wet))  # as well as the mass does
+    assert ties_of([(one, 0.0, 0.5), (stands_in, 0.0, 0.5)], one, mass, undoes, undoes, tunable=(push, bias, wet)) == (
+        bias.key,
+    )
+
+
 def test_sets_are_told_apart_by_more_where_the_machine_strikes_something(bench, monkeypatch) -> None:
     assert told_apart_by(bench.shooting, bench.nominal) == TIE
     stopped = dataclasses.replace(bench.nominal, effects=(bench.effect("joint_stop"),))
@@ -145,6 +171,10 @@ def test_a_delay_is_one_law_at_either_end_of_a_machine_with_one_way_through_it(b
     rivals = [(one, 0.0, 1.0), (other, 9.0, 0.0)]
     assert ties_of(rivals, one, encoder, (), (), is_one_way(shooting)) == ((drive.key,) if way == "one" else ())
     assert ties_of(rivals, one, wet, (), (), True) == ()
+    more = dataclasses.replace(one, effects=(encoder, wet, bias), values=(*values, np.array([0.001])))
+    beside = [(more, 0.0, 1.0), (other, 9.0, 0.0)]
+    assert ties_of(beside, more, encoder, (), (), True) == ()
+    assert ties_of(beside, more, encoder, (bias,), (), True) == (drive.key,)  # a bias that is not named
     lag = dataclasses.replace(one, effects=(bench.effect("actuator_lag", "actuator:drive"), wet))
     for distance, tied in ((1.0, {drive.key, encoder.key}), (9.0, set())):  # a lag that a delay stands for as well
         rivals = [(lag, 0.0, 1.0), (other, distance, 0.0), (one, 9.0, 0.0)]

@@ -49,6 +49,17 @@ def test_fits_side_by_side_equal_fits_alone(bench) -> None:
         np.testing.assert_array_equal(alone.values[0], fit.values[0])
 
 
+@pytest.mark.parametrize(("hold", "size"), [(False, 1), (True, 0)])
+def test_nothing_is_known_of_parameters_that_had_no_time_to_move(bench, hold: bool, size: int) -> None:
+    wet = bench.effect("viscous_friction")
+    sets, near = [((wet,), (np.array([0.02]),))], bench.nominal
+    fit = bench.shooting.fit(sets, near.starts, rounds=0, near=near, hold=hold)[0]
+    assert fit.information.shape == (size, size)
+    assert fit.scores.shape == (bench.segments.size, size)
+    assert not fit.information.any()
+    assert not fit.scores.any()
+
+
 def test_the_optimum_is_stationary_and_its_curvature_the_information(bench) -> None:
     fit = bench.fit("viscous_friction", 0.05)
     step = 0.004

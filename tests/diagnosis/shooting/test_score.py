@@ -27,6 +27,25 @@ def test_further_components_of_a_vector_cost_no_more_than_corrections(bench) -> 
     assert score.price([bench.effect("hysteresis")]) > 1.3 * score.price([forms["xz"]])
 
 
+@pytest.mark.parametrize(
+    ("scale", "each"),
+    [
+        (1.0, 15.0),  # noise alone
+        (1.08, 0.05 * 20_000 * (1 - 1 / 1.08)),  # a part of what is left above it
+        (1.2, 0.003 * 1e6 / 1.2),  # much is left: as any parameter
+    ],
+)
+def test_near_the_noise_a_law_may_refine_the_one_it_contains(bench, scale: float, each: float) -> None:
+    """A static friction explains far less of a large mismatch than dry friction does, and shows clearly."""
+    score = Score(samples=20_000, names=30, scale=scale, mismatch=1e6)
+    dry, more = bench.effect("coulomb_friction"), bench.effect("stribeck_friction")
+    assert score.price([more]) == pytest.approx(score.price([dry]) + 2 * each)
+    spring = bench.effect("hysteresis")  # contains no other law
+    assert score.price([spring]) == pytest.approx(score.price([dry]) + 0.003 * 1e6 / scale)
+    small = dataclasses.replace(score, mismatch=0.0)
+    assert small.price([more]) == pytest.approx(small.price([dry]) + 2 * math.log(20_000))  # as any parameter
+
+
 @pytest.mark.parametrize(("scale", "first"), [(2.0, 6.0), (5.0, 20.0)])
 def test_the_score_is_chi2_in_units_of_the_noise_and_the_price(bench, scale: float, first: float) -> None:
     """The first effect costs more, and most where what is left is no white noise of a known size."""

@@ -266,7 +266,14 @@ def without_each(
     return smaller
 
 
-def in_place(best: Fit, other: Fit) -> tuple[Effect, Effect] | None:
-    """The effect of a set, and the one in its place in another that is the same else; None where more is different."""
-    old, new = set(best.effects) - set(other.effects), set(other.effects) - set(best.effects)
+def in_place(best: Fit, other: Fit, beside: frozenset[tuple[str, str]] = frozenset()) -> tuple[Effect, Effect] | None:
+    """The effect of a set, and the one in its place in another that is the same else; None where more is different.
+
+    Args:
+        best: the set.
+        other: the other one.
+        beside: names and targets that either may have or not.
+    """
+    mine, others = ({effect for effect in fit.effects if effect.key not in beside} for fit in (best, other))
+    old, new = mine - others, others - mine
     return (old.pop(), new.pop()) if len(old) == len(new) == 1 else None

@@ -23,6 +23,7 @@ from torch_activegp.diagnosis.selection.compared import Selection
 from torch_activegp.diagnosis.selection.corrections import correct_alike
 from torch_activegp.diagnosis.selection.finer_steps import nameless_in_finer_steps, without_a_step
 from torch_activegp.diagnosis.selection.first_names import Naming, besides, in_brief_pieces, is_of, leaders, on_a_part
+from torch_activegp.diagnosis.selection.own_errors import by_their_own_errors
 from torch_activegp.diagnosis.selection.polish import polish
 from torch_activegp.diagnosis.selection.prospects import hopeless
 from torch_activegp.diagnosis.selection.search import Depth, select
@@ -260,6 +261,7 @@ def _finish(
         return Explanation(nameless[0].engine, *nameless, tuple(effects), fine=True)
     correct_alike(selection, shooting, effects)
     polish(shooting, selection, effects)
+    shooting = by_their_own_errors(shooting, engine, selection)
     fine, firm = engine is not numerics.given, numerics.sticks(engine)
     return Explanation(engine, shooting, selection, tuple(effects), fine, firm)
 

@@ -17,7 +17,7 @@ from torch_activegp.diagnosis.selection.intervals import is_certain
 from torch_activegp.diagnosis.selection.own_limits import is_own_limit
 from torch_activegp.diagnosis.selection.prospects import MAX_EFFECTS
 from torch_activegp.diagnosis.selection.standing_out import comes_and_goes, stands_out
-from torch_activegp.diagnosis.selection.ties import as_part, is_one_way, swapped, ties_of, told_apart_by
+from torch_activegp.diagnosis.selection.ties import as_part, is_one_way, swapped, ties_of, told_apart_by, unnamed
 from torch_activegp.diagnosis.selection.tuning import is_a_tuning
 from torch_activegp.diagnosis.shooting.elimination import eliminate, scaled
 from torch_activegp.diagnosis.shooting.fit import Fit
@@ -184,7 +184,8 @@ def judge(shooting: Shooting, selection: Selection) -> Judgement:
     probabilities = tuple(_probability(rivals, effect) for effect in order)
     one_way = is_one_way(shooting)
     alike = [ties_of(rivals, best, effect, retuned, tuned, one_way, selection.tunable, within) for effect in order]
-    wider = [as_part(shooting, selection, effect) for effect in order]
+    beside = unnamed(retuned, tuned, selection.tunable)
+    wider = [as_part(shooting, selection, effect, beside - {effect.key}) for effect in order]
     ties = tuple(tuple(dict.fromkeys([*one, *more])) for one, more in zip(alike, wider, strict=True))
     sets = math.comb(max(score.names, len(best.effects)), len(best.effects))
     p_value = 2.0 * min(before.p_value, float(stats.chi2.sf(gain / score.scale, best.size)) * sets)

@@ -103,12 +103,12 @@ def _near(selection: Selection, best: Fit, gained: float, stuck: float) -> list[
 
 
 def _again(precise: Shooting, fit: Fit, best: Fit) -> Fit:
-    """A rival with derivatives by parameters taken where it is, and the best set's states where these are better."""
+    """A rival with derivatives taken where it is, and the best set's states where these are better."""
     begin = dataclasses.replace(fit, columns=None, taken=None)
     found = borrowed(precise, begin, best)
     if found is not begin or not fit.effects:
         return found
-    return precise.fit([(fit.effects, fit.values)], fit.starts, near=begin)[0]
+    return precise.fit([(fit.effects, fit.values)], fit.starts)[0]
 
 
 def shared(fit: Fit, best: Fit) -> Set | None:

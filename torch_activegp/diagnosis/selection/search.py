@@ -10,7 +10,7 @@ import numpy as np
 from torch_activegp.diagnosis.inputs.runs import Array
 from torch_activegp.diagnosis.selection.aliases import try_aliases
 from torch_activegp.diagnosis.selection.compared import Selection
-from torch_activegp.diagnosis.selection.development import be_fair, expand, simplify
+from torch_activegp.diagnosis.selection.development import be_fair, expand, refine, simplify
 from torch_activegp.diagnosis.selection.prospects import MAX_EFFECTS, cannot_win, hopeless, is_alike
 from torch_activegp.diagnosis.selection.stand_ins import soften, swap, try_tuned, undo
 from torch_activegp.diagnosis.selection.stepwise import one_by_one
@@ -230,6 +230,8 @@ def _resorts(
 ) -> Iterator[bool]:
     """What is tried where no set is left to develop, one at a time."""
     if selection.score.inadequate and soften(selection, shooting, effects):
+        yield True
+    if refine(selection, shooting, effects, depth.work + depth.aside):
         yield True
     yield from _swapped(selection, shooting, effects, tell, depth)
     if step_by_step():

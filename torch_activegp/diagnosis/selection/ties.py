@@ -37,6 +37,8 @@ proof has such a tie, and a Stribeck friction that passed for Coulomb's."""
 
 Rivals = Sequence[tuple[Fit, float, float]]
 """Compared sets, best first, with their scores less the best one's and their probabilities."""
+Keys = frozenset[tuple[str, str]]
+"""Names and targets."""
 
 
 def ties_of(
@@ -61,9 +63,10 @@ def ties_of(
         tunable: all that a modeller may have tuned, compared or not.
         within: score by which sets differ that are not told apart, :func:`told_apart_by`.
     """
-    alone, one = swapped(rivals, best, effect, within), as_one(rivals, best, effect, retuned, tuned)
+    beside = unnamed(retuned, tuned, tunable) - {effect.key}
+    alone, one = swapped(rivals, best, effect, within, beside), as_one(rivals, best, effect, retuned, tuned)
     is_a_delay = effect.name in _DELAYS or any(name in _DELAYS for name, _ in alone)  # as a short lag may be
-    late = as_late(rivals, best, effect) if one_way and is_a_delay else ()
+    late = as_late(rivals, best, effect, beside) if one_way and is_a_delay else ()
     return tuple(dict.fromkeys([*alone, *late, *as_two(rivals, best, effect, tunable), *one]))
 
 
@@ -75,15 +78,26 @@ def told_apart_by(shooting: Shooting, best: Fit) -> float:
     return _STRIKES if strikes else TIE
 
 
-def swapped(rivals: Rivals, best: Fit, effect: Effect, within: float = TIE) -> tuple[tuple[str, str], ...]:
-    """What stands in place of an effect in sets that score almost as well."""
-    others = best.keys - {effect.key}
+def unnamed(retuned: Sequence[Effect], tuned: Sequence[Effect], tunable: Sequence[Effect]) -> Keys:
+    """What sets may have or not and say the same: what is not named, and where a tuning is undone, all that does it.
+
+    On a pendulum that was tuned, another gravity and another centre of mass left the same to 1e-9, one beside a push
+    and the other beside a drive's bias.
+    """
+    return frozenset(effect.key for effect in (*retuned, *(tunable if tuned else ())))
+
+
+def swapped(
+    rivals: Rivals, best: Fit, effect: Effect, within: float = TIE, beside: Keys = frozenset()
+) -> tuple[tuple[str, str], ...]:
+    """What stands in place of an effect in sets that score almost as well, whatever they have `beside` it."""
+    others = best.keys - {effect.key} - beside
     found = []
     for fit, distance, _ in rivals[1:]:
-        new = fit.keys - others
+        new = fit.keys - others - beside or fit.keys - best.keys
         if distance < within and others <= fit.keys and len(new) == 1 and effect.key not in fit.keys:
             found.append(next(iter(new)))
-    return tuple(found)
+    return tuple(dict.fromkeys(found))
 
 
 def is_one_way(shooting: Shooting) -> bool:
@@ -94,18 +108,20 @@ def is_one_way(shooting: Shooting) -> bool:
     return bool(alone and used == 1 and not any(run.force.any() for run in runs))
 
 
-def as_late(rivals: Rivals, best: Fit, effect: Effect) -> tuple[tuple[str, str], ...]:
+def as_late(rivals: Rivals, best: Fit, effect: Effect, beside: Keys = frozenset()) -> tuple[tuple[str, str], ...]:
     """The delay at another end of a machine with one control and one position: there both are one law.
 
     Whatever moves by a control that comes late moves as late, and free initial states know no clock. Their fits differ
-    by how a delay that is no whole number of time steps is simulated. Asked of a delay, and of what one ties with.
+    by how a delay that is no whole number of time steps is simulated. Asked of a delay, and of what one ties with,
+    whatever else is `beside` it.
     """
-    others = best.keys - {effect.key}
+    others = best.keys - {effect.key} - beside
     found = []
     for fit, _, _ in rivals[1:]:
-        new = fit.keys - others
+        new = fit.keys - others - beside
         other = next(iter(new)) if len(new) == 1 else effect.key
-        if others <= fit.keys and other[0] in _DELAYS - {effect.name} and fit.chi2 - best.chi2 < _SHIFTED * best.chi2:
+        alike = others <= fit.keys and fit.chi2 - best.chi2 < _SHIFTED * best.chi2
+        if alike and other[0] in _DELAYS - {effect.name}:
             found.append(other)
     return tuple(found)
 
@@ -116,7 +132,9 @@ def is_as_late(best: Fit, fit: Fit) -> bool:
     return any(as_late([(best, 0.0, 0.5), (fit, 0.0, 0.5)], best, effect) for effect in delays)
 
 
-def as_part(shooting: Shooting, selection: Selection, effect: Effect) -> tuple[tuple[str, str], ...]:
+def as_part(
+    shooting: Shooting, selection: Selection, effect: Effect, beside: Keys = frozenset()
+) -> tuple[tuple[str, str], ...]:
     """The laws that contain a simple one of the best set and fit no worse, where they differ by half or it is weak.
 
     Such a law costs more, and gains too little for its price; but the recordings do not say that it is not there. On a
@@ -126,13 +144,14 @@ def as_part(shooting: Shooting, selection: Selection, effect: Effect) -> tuple[t
         shooting: the likelihood.
         selection: what was compared.
         effect: of the best set.
+        beside: what either set may have or not, :func:`unnamed`.
     """
     best, found = selection.best, dict[tuple[str, str], None]()
     if effect.linear != 1 or best.at_rest:
         return ()
     level, weak = float(best.by_effect[effect][0]), certainty(shooting, best, effect) < _SURE
     for fit in (fit for fit in selection.fits if fit.plausible and not fit.at_rest):
-        old, law = in_place(best, fit) or (None, effect)
+        old, law = in_place(best, fit, beside) or (None, effect)
         if old is not effect or not contains(law, effect) or fit.chi2 - best.chi2 > TIE * selection.score.scale:
             continue
         if weak or abs(fit.by_effect[law] - of_part(law, level))[: law.linear].max() > _OTHER * abs(level):

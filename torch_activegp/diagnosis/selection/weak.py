@@ -5,14 +5,13 @@ from __future__ import annotations
 import dataclasses
 from collections.abc import Callable, Sequence
 
-from torch_activegp.diagnosis.selection.compared import Selection, in_place
+from torch_activegp.diagnosis.selection.compared import Selection
 from torch_activegp.diagnosis.selection.judge import DOUBT, SURE, Omnibus, omnibus
-from torch_activegp.diagnosis.selection.proposals import contains
 from torch_activegp.diagnosis.selection.search import Depth, search
 from torch_activegp.diagnosis.shooting.chaining import chained
 from torch_activegp.diagnosis.shooting.fit import Fit
 from torch_activegp.diagnosis.shooting.likelihood import Shooting
-from torch_activegp.diagnosis.shooting.score import MATERIAL, Score
+from torch_activegp.diagnosis.shooting.score import MATERIAL
 from torch_activegp.physics.effect import Effect
 
 _MATERIAL, _OF_THE_NOISE, _SURELY = 0.001, 0.02, 150.0
@@ -26,10 +25,6 @@ _NEARLY = 0.25
 """Part of what was left that may be left behind what is weak, where even little is seen to be no noise: behind the
 Stribeck part of a friction 7400 of 7900 in chi2 were gone, of a mismatch of two million, and the rest still showed; of
 another one 920 of 1210."""
-_TOLD = 15.0
-"""Chi2 for each parameter more by which a law is told from one that it contains, where what that leaves looks like
-noise: in 27 such pairs of the proof, with one or two parameters more, the wrong law gained 4 at most, and a Stribeck
-friction recorded at 50 Hz 65."""
 _DEPTH = Depth(rounds=3, swaps=1, work=10e6)
 
 
@@ -43,7 +38,6 @@ def also_weak(
     effect: a spring beside a payload explained 0.003 of the mismatch, which was 1200 in chi2, and left nothing but
     noise. Nor by a law with more parameters: Stribeck friction in place of Coulomb's explained as much, which was 235.
     Nor by as many other names: a spring and a push, for a tilt and a push elsewhere, left 912 less of 757 thousand.
-    Where all that is left looks like noise already, a test of that law alone sees it yet.
 
     Not behind a rotor whose place no recording holds: what that leaves, a tenth of the noise behind the true gap of a
     slide, is no weak effect's, and half a minute was spent on it.
@@ -66,13 +60,13 @@ def also_weak(
     if any(effect.needs_past for effect in best.effects):
         return selection
     before = omnibus(shooting, best)
-    cheaper = _cheaper(score, shooting.dof)
     if before.p_value > SURE:
-        return _told_apart(selection, cheaper)
+        return selection
     tell("testing what is weak")
     _unstuck(shooting, selection)
     weak = dataclasses.replace(selection, fits=list(selection.fits), developed=set())
-    weak.score = cheaper
+    some = max(_OF_THE_NOISE * shooting.dof, _SURELY)
+    weak.score = dataclasses.replace(score, material=min(_MATERIAL, some / score.mismatch))
     search(weak, shooting, effects, tell, _DEPTH.counted_from(shooting.work))
     _unstuck(shooting, weak)
     weak.cut_short = selection.cut_short  # this one looks for more than is promised
@@ -82,23 +76,6 @@ def also_weak(
     if richer and _leaves_noise(before, omnibus(shooting, weak.best)):
         return weak
     return _with_better(selection, weak.fits, shooting.dof)
-
-
-def _cheaper(score: Score, dof: int) -> Score:
-    """The score at the price of what is weak."""
-    some = max(_OF_THE_NOISE * dof, _SURELY)
-    return dataclasses.replace(score, material=min(_MATERIAL, some / score.mismatch))
-
-
-def _told_apart(selection: Selection, cheaper: Score) -> Selection:
-    """With the price of what is weak where, by that, a law takes the place of one in the best set that it contains."""
-    weak = dataclasses.replace(selection, score=cheaper)
-    best, found = selection.best, weak.best
-    pair = in_place(best, found)
-    if pair is None or not contains(pair[1], pair[0]) or found.size <= best.size:
-        return selection
-    told = best.chi2 - found.chi2 > _TOLD * (found.size - best.size) * selection.score.scale
-    return weak if told else selection
 
 
 def _unstuck(shooting: Shooting, selection: Selection) -> None:

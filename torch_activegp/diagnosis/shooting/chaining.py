@@ -34,11 +34,9 @@ def chained(shooting: Shooting, fit: Fit) -> Fit:
         shooting: the likelihood.
         fit: of any set.
     """
-    segments, before = shooting.segments, fit
+    before = fit
     for number in range(_ROUNDS):
-        level = fit.per_segment / segments.samples
-        usual = max(float(np.median(level)), 1.0)
-        out = level > (_STANDS_OUT_OF_NOISE if usual < _NEAR_NOISE else _STANDS_OUT) * usual
+        out = stands_out(shooting, fit)
         if not out.any() or fit.design is None:
             break
         known = fit
@@ -49,6 +47,13 @@ def chained(shooting: Shooting, fit: Fit) -> Fit:
     if fit is before or not fit.effects:
         return fit
     return shooting.fit([(fit.effects, fit.values)], fit.starts, near=fit)[0]
+
+
+def stands_out(shooting: Shooting, fit: Fit) -> NDArray[np.bool_]:
+    """Segments that a fit explains worse than the usual ones by far, ``(S,)``."""
+    level = fit.per_segment / shooting.segments.samples
+    usual = max(float(np.median(level)), 1.0)
+    return level > (_STANDS_OUT_OF_NOISE if usual < _NEAR_NOISE else _STANDS_OUT) * usual
 
 
 def borrowed(shooting: Shooting, fit: Fit, other: Fit) -> Fit:

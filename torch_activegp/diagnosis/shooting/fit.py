@@ -29,7 +29,7 @@ class Fit:
         chi2: sum of squares of the whitened residuals.
         per_segment: its parts, ``(S,)``.
         information: normal matrix of the parameters after the states are eliminated, ``(P, P)``; empty where the
-            parameters were held.
+            parameters were held, and zero where it ended before they moved.
         scores: gradient of half the chi2 in each segment, ``(S, P)``; as empty there.
         design: derivatives of the whitened residuals by the initial states, ``(S, M, nq + nv)``.
         columns: the same by the parameters, ``(S, M, P)``.

@@ -284,4 +284,6 @@ class Problem:
         whole = by.columns is not None and by.columns.shape[-1] == len(best.flat)
         derivatives = (by.design, by.columns, by.taken) if whole else (by.design,)
         normal, scores, values = by.linear.normal.sum(0), by.linear.gradient, split(self.effects, best.flat)
+        if not self._hold and len(normal) < len(best.flat):  # it ended before the parameters moved
+            normal, scores = np.zeros((len(best.flat),) * 2), np.zeros((len(scores), len(best.flat)))
         return Fit(self.effects, values, best.starts, best.chi2, best.per_segment, normal, scores, *derivatives)

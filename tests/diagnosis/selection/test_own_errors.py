@@ -1,0 +1,63 @@
+from __future__ import annotations
+
+import dataclasses
+
+import numpy as np
+import pytest
+
+from torch_activegp.diagnosis.selection import own_errors as module
+from torch_activegp.diagnosis.selection.compared import Selection
+from torch_activegp.diagnosis.selection.own_errors import by_their_own_errors
+from torch_activegp.diagnosis.shooting.score import Score
+from torch_activegp.diagnosis.simulation.engine import IMPLICIT_FAST, Engine
+
+
+@pytest.fixture
+def forms(bench):
+    """The likelihoods by Runge-Kutta, and by one implicit step from row to row."""
+    model, channels = bench.engine.model, bench.engine.channels
+    cheap = Engine(model, channels, 1, 1, IMPLICIT_FAST)
+    return bench.shooting, dataclasses.replace(bench.shooting, engine=cheap)
+
+
+def test_each_of_the_best_sets_is_compared_by_what_the_cheap_form_is_off_behind_itself(bench, forms, monkeypatch):
+    """A correction made behind a friction is not that of a machine that is late, or weak."""
+    monkeypatch.setattr(module, "_NEAR", 1e3)
+    precise, cheap = forms
+    wet, late = bench.effect("viscous_friction"), bench.effect("actuator_delay", "actuator:drive")
+    sets = [
+        ((wet,), (np.array([0.06]),)),
+        ((late,), (np.array([0.005]),)),
+        ((wet, late), (np.array([0.06]), np.ones(1))),
+    ]
+    exact = [precise.fit([some], bench.nominal.starts)[0] for some in sets]
+    working = cheap.corrected(precise.engine, exact[0])
+    fits = [working.fit([(fit.effects, fit.values)], fit.starts)[0] for fit in exact]
+    twice = dataclasses.replace(fits[1], chi2=fits[1].chi2 - 1.0)  # of the same set
+    selection = Selection(bench.nominal, [bench.nominal, *fits, twice], Score(precise.samples, 10, 1.0))
+    told = by_their_own_errors(working, precise.engine, selection)
+    off = [abs(fit.chi2 - right.chi2) for fit, right in zip(fits, exact, strict=True)]
+    left = [abs(selection.of(fit.effects).chi2 - right.chi2) for fit, right in zip(fits, exact, strict=True)]
+    assert left[1] < 0.2 * off[1] and left[1] > 0.0
+    assert max(left) < 1.0
+    assert len(selection.fits) == 4 and bench.nominal in selection.fits
+    assert told.engine is cheap.engine
+    right = (precise.predicted(selection.best) - cheap.predicted(selection.best))[0]
+    assert told.offset[0] == pytest.approx(right, abs=1e-6)
+
+
+def test_what_fails_or_is_far_behind_stays_as_it_is_and_so_does_what_needs_no_correction(bench, forms, monkeypatch):
+    precise, cheap = forms
+    wet, drag = bench.fit("viscous_friction", 0.06), bench.fit("quadratic_drag", 0.01)
+    asked: list = []
+    monkeypatch.setattr(
+        module, "settled", lambda s, _, fit: asked.append(fit) or (s, dataclasses.replace(fit, chi2=np.inf))
+    )
+    selection = Selection(bench.nominal, [bench.nominal, wet, drag], Score(precise.samples, 10, 1.0))
+    before = list(selection.fits)
+    assert by_their_own_errors(precise, precise.engine, selection) is precise
+    assert asked == []
+    working = cheap.corrected(precise.engine, wet)
+    assert by_their_own_errors(working, precise.engine, selection) is working
+    assert asked == [wet]
+    assert selection.fits == before
