@@ -29,6 +29,22 @@ def some(bench):
     return [effect for effect in bench.effects if effect.name in NAMES]
 
 
+def test_the_sets_are_compared_by_their_own_errors_in_the_end(bench, monkeypatch) -> None:
+    """And what is said of them by the correction of the best one."""
+    told: list = []
+
+    def corrected(shooting, engine, selection):
+        told.append((dataclasses.replace(shooting), engine, selection))
+        return told[-1][0]
+
+    monkeypatch.setattr(module, "by_their_own_errors", corrected)
+    found = explain(bench.machine, some(bench)[:1], 1)
+    ((shooting, engine, selection),) = told
+    assert found.shooting is shooting
+    assert found.engine is engine
+    assert found.selection is selection
+
+
 def test_friction_is_found_with_the_level_of_the_noise(bench) -> None:
     stages: list[str] = []
     found = explain(bench.machine, some(bench), 1, stages.append)

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from torch_activegp.diagnosis.noise.model import NoiseModel
+from torch_activegp.diagnosis.selection import judge as module
 from torch_activegp.diagnosis.selection.compared import Selection
 from torch_activegp.diagnosis.selection.judge import (
     SEEN,
@@ -46,6 +47,15 @@ def test_a_set_that_leaves_much_is_unknown(bench) -> None:
     assert judged.verdict == "unknown"
     assert judged.unexplained > 0.5
     assert not judged.white
+
+
+def test_laws_that_contain_a_name_tie_whatever_is_not_named_beside_it(bench, monkeypatch) -> None:
+    fit, spare = bench.fit("viscous_friction", 0.05), ("constant_force", "joint:hip")
+    asked: list = []
+    monkeypatch.setattr(module, "unnamed", lambda *_: frozenset({spare, fit.effects[0].key}))
+    monkeypatch.setattr(module, "as_part", lambda *args: asked.append(args[2:]) or (spare,))
+    assert judge(bench.shooting, selection(bench, fit)).ties == ((spare,),)
+    assert asked == [(fit.effects[0], frozenset({spare}))]  # a name is not spare beside itself
 
 
 def test_the_effect_that_explains_all_is_named(bench) -> None:

@@ -237,6 +237,17 @@ def test_a_search_is_complete_where_nothing_would_be_tried_any_more(
     assert module._is_complete(selection, bench.shooting, set()) is complete
 
 
+@pytest.mark.parametrize("better", [True, False])
+def test_laws_that_contain_those_of_the_best_set_come_before_others_in_its_place(bench, monkeypatch, better) -> None:
+    begun: list[str] = []
+    monkeypatch.setattr(module, "refine", lambda *args: begun.append(f"refine {args[3]:g}") or better)
+    monkeypatch.setattr(module, "_swapped", lambda *_: iter([begun.append("swap") or True]))
+    chosen = Selection(bench.nominal, [bench.nominal], Score(bench.shooting.samples, 60, 1.0))
+    tell, depth = (lambda words: None), Depth(work=1e6, more=5e5)
+    next(module._resorts(chosen, bench.shooting, bench.effects, tell, depth, lambda: False))
+    assert begun == ["refine 1.5e+06", *([] if better else ["swap"])]
+
+
 @pytest.mark.parametrize("within", [True, False])
 def test_others_were_tried_in_place_of_an_effect_where_that_ended_within_its_work(bench, monkeypatch, within) -> None:
     begin = bench.fit("viscous_friction", 0.05)
