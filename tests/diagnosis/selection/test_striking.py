@@ -56,7 +56,7 @@ def test_a_stop_is_found_in_shorter_steps_with_its_numbers(numerics, part, found
     assert told is not None
     effects, values = told
     assert [effect.name for effect in effects] == ["joint_stop"]
-    assert values[0][[0, 2]] == pytest.approx([STIFFNESS, AT], rel=0.1)
+    assert values[0][[0, 2]] == pytest.approx([STIFFNESS, AT], rel=0.03)
     assert stages == ["testing what strikes in shorter time steps"]
 
 
