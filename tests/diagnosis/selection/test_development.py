@@ -155,7 +155,7 @@ def test_the_best_of_new_sets_are_chained(bench, monkeypatch) -> None:
     monkeypatch.setattr(module, "compare", lambda shooting, selection, *_, **__: selection.add([wet, drag]))
     sets = [(fit.effects, fit.values) for fit in (wet, drag)]
     touches = np.arange(300) < 6
-    monkeypatch.setattr(module, "poses_that_touch", lambda *_: (touches, touches))
+    monkeypatch.setattr("torch_activegp.diagnosis.simulation.touching.poses_that_touch", lambda *_: (touches, touches))
     monkeypatch.setattr(module, "_proposals", lambda *_: sets)
     monkeypatch.setattr(module, "heat", lambda *_: Heat(sets, np.stack([bench.nominal.starts] * 2)))
     expand(chosen, bench.shooting, bench.effects, bench.nominal)

@@ -146,7 +146,9 @@ def test_sets_are_told_apart_by_more_where_the_machine_strikes_something(bench, 
     assert told_apart_by(bench.shooting, stopped) > 2.0 * TIE
     for share, apart in ((6, False), (300, True)):  # now and then; a cart on its wheels strikes nothing
         touches = np.arange(300) < share
-        monkeypatch.setattr("torch_activegp.diagnosis.selection.ties.poses_that_touch", lambda *_, t=touches: (t, t))
+        monkeypatch.setattr(
+            "torch_activegp.diagnosis.simulation.touching.poses_that_touch", lambda *_, t=touches: (t, t)
+        )
         assert (told_apart_by(bench.shooting, bench.nominal) == TIE) == apart
 
 

@@ -34,7 +34,7 @@ from torch_activegp.diagnosis.shooting.chaining import borrowed, chained
 from torch_activegp.diagnosis.shooting.fit import Fit
 from torch_activegp.diagnosis.shooting.likelihood import Shooting
 from torch_activegp.diagnosis.shooting.score import Score
-from torch_activegp.diagnosis.simulation.touching import now_and_then, poses_that_touch
+from torch_activegp.diagnosis.simulation.touching import strikes
 from torch_activegp.physics.effect import Effect
 
 _CHEAP = 60
@@ -86,7 +86,7 @@ def _chain(selection: Selection, shooting: Shooting, new: Sequence[frozenset[Eff
     a wrong spring, and was never looked at again.
     """
     engine = shooting.engine
-    if not now_and_then(poses_that_touch(engine.model, engine.channels, shooting.segments.runs)[1]):
+    if not strikes(engine.model, engine.channels, shooting.segments.runs):
         return
     for fit in selection.ranked()[:_CHAINED]:
         if frozenset(fit.effects) in new and shooting.work < work:

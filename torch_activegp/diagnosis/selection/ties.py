@@ -13,7 +13,7 @@ from torch_activegp.diagnosis.selection.proposals import contains, of_part
 from torch_activegp.diagnosis.shooting.fit import Fit
 from torch_activegp.diagnosis.shooting.likelihood import Shooting
 from torch_activegp.diagnosis.shooting.score import TIE
-from torch_activegp.diagnosis.simulation.touching import now_and_then, poses_that_touch
+from torch_activegp.diagnosis.simulation.touching import strikes
 from torch_activegp.physics.effect import Effect
 
 _LOPSIDED = 0.1
@@ -73,9 +73,8 @@ def ties_of(
 def told_apart_by(shooting: Shooting, best: Fit) -> float:
     """The score by which sets must differ to be told apart: more where something touches now and then."""
     engine = shooting.engine
-    touches = poses_that_touch(engine.model, engine.channels, shooting.segments.runs)[1]
-    strikes = now_and_then(touches) or any(effect.name == "joint_stop" for effect in best.effects)
-    return _STRIKES if strikes else TIE
+    stopped = any(effect.name == "joint_stop" for effect in best.effects)
+    return _STRIKES if stopped or strikes(engine.model, engine.channels, shooting.segments.runs) else TIE
 
 
 def unnamed(retuned: Sequence[Effect], tuned: Sequence[Effect], tunable: Sequence[Effect]) -> Keys:

@@ -48,6 +48,11 @@ def now_and_then(touches: NDArray[np.bool_]) -> bool:
     return bool(TOUCHING < touches.mean() < 1.0)
 
 
+def strikes(model: mujoco.MjModel, channels: Channels, runs: Sequence[Run]) -> bool:
+    """Whether a model touches something now and then in recorded runs."""
+    return now_and_then(poses_that_touch(model, channels, runs)[1])
+
+
 def is_tied(model: mujoco.MjModel) -> bool:
     """Whether equalities tie bodies of a model together, or tendons that do more than pass on what a drive pulls."""
     tendons = model.tendon_limited, model.tendon_frictionloss, model.tendon_armature
