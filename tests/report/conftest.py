@@ -210,9 +210,9 @@ def named() -> Fake:
         ],
         "effects": [COULOMB, DELAY],
         "rivals": _rivals(
-            ([COULOMB, DELAY], 1.004, 0.0, 0.96),
-            ([COULOMB], 1.31, 11.8, 0.03),
-            ([{"name": "stribeck_friction", "target": "joint:elbow"}, DELAY], 1.005, 13.9, 0.009),
+            ([COULOMB, DELAY, VISCOUS], 1.004, 0.0, 0.96),
+            ([COULOMB, VISCOUS], 1.31, 11.8, 0.03),
+            ([{"name": "stribeck_friction", "target": "joint:elbow"}, DELAY, VISCOUS], 1.005, 13.9, 0.009),
             ([{"name": "hysteresis", "target": "joint:elbow"}], 2.2, 171.0, 1e-7),
             ([VISCOUS, DELAY], 3.9, 640.2, 0.0),
             ([], 8.13, 2210.0, 0.0),

@@ -85,7 +85,7 @@ def test_a_long_rival_that_holds_the_best_set_is_told_by_what_it_adds() -> None:
 
     def names(*sets: list[Any]) -> list[str]:
         found = [{"effects": effects, "delta_bic": float(gap)} for gap, effects in enumerate(sets)]
-        return [row["name"] for row in rivals({"verdict": "named", "rivals": found}, {}).content["rows"]]
+        return [row["name"] for row in rivals({"verdict": "named", "effects": [], "rivals": found}, {}).content["rows"]]
 
     assert names([a, b], [c, b, a], [a], [a, c, d], [a, b]) == [
         "Cogging at joint a and cogging at joint b",
@@ -100,3 +100,24 @@ def test_a_long_rival_that_holds_the_best_set_is_told_by_what_it_adds() -> None:
     ]
     assert names([a, b, c], [c, b, a])[1] == "Cogging at joint c, cogging at joint b and cogging at joint a"
     assert names([], [a, b, c])[1] == "Cogging at joint a, cogging at joint b and cogging at joint c"
+
+
+def test_what_is_fitted_along_stands_apart() -> None:
+    dry, push, *tuned = ({"name": "cogging", "target": f"joint:{name}"} for name in "pqabcd")
+
+    def rows(along: list[Any], *sets: list[Any]) -> list[tuple[str, str, str]]:
+        found = [{"effects": effects, "delta_bic": 20.0 * gap} for gap, effects in enumerate(sets)]
+        section = rivals({"verdict": "named", "effects": [dry], "retuned": along, "rivals": found}, {})
+        assert section.heading == "Cogging at joint p: the next rival is 20 points worse"
+        return [(row["name"], row["along"], row["tag"]) for row in section.content["rows"]]
+
+    a, *others = tuned
+    assert rows(tuned, [dry, *tuned], [push, *tuned], [push, *others], [push, a], [*tuned], [dry, push, *tuned]) == [
+        ("Cogging at joint p", "with 4 fitted along", "the verdict"),
+        ("Cogging at joint q", "with 4 fitted along", ""),
+        ("Cogging at joint q", "with 3 fitted along, without cogging at joint a", ""),
+        ("Cogging at joint q", "with cogging at joint a", ""),
+        ("Cogging at joint a, cogging at joint b, cogging at joint c and cogging at joint d", "", ""),
+        ("The same and cogging at joint q", "", ""),
+    ]
+    assert rows([a], [dry, a], [push, a])[0] == ("Cogging at joint p", "with cogging at joint a", "the verdict")

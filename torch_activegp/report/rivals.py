@@ -24,8 +24,9 @@ def rivals(diagnosis: Values, evidence: Values) -> Section | None:
     found = diagnosis.get("rivals") or []
     if not found:
         return None
-    named = _key(diagnosis.get("effects") or [])
-    rows = [_row(rival, found[0], named) for rival in found]
+    along = diagnosis.get("retuned") or []
+    named = _key([*(diagnosis.get("effects") or []), *along])
+    rows = [_row(rival, found[0], named) | _told(rival["effects"], found[0]["effects"], along) for rival in found]
     for row, rival in zip(rows, found, strict=True):
         stands_in = _stands_in(rival, found[0], diagnosis)
         if row["named"] or stands_in or (diagnosis["verdict"] == "tie" and row["close"]):
@@ -50,7 +51,7 @@ def _heading(diagnosis: Values, found: list[Values], named: frozenset[Any]) -> s
         return "The explanations compared"
     if diagnosis["verdict"] == "none":
         return f"No effect improves on the simulator: the best is {number(gap, 2)} points worse"
-    return f"{capital(effects_text(found[0]['effects']))}: the next rival is {number(gap, 2)} points worse"
+    return f"{capital(effects_text(diagnosis['effects']))}: the next rival is {number(gap, 2)} points worse"
 
 
 def _fits_as_well(rival: Values, best: Values) -> bool:
@@ -62,7 +63,6 @@ def _fits_as_well(rival: Values, best: Values) -> bool:
 def _row(rival: Values, best: Values, named: frozenset[Any]) -> dict[str, Any]:
     gap, probability = _gap(rival, best), rival.get("probability")
     return {
-        "name": capital(_name(rival["effects"], best["effects"])),
         "named": _key(rival["effects"]) == named,
         "chi2": misfit(rival.get("chi2_per_dof")),
         "gap": number(gap, 3) if gap else "best" if gap == 0 else number(None),
@@ -74,11 +74,24 @@ def _row(rival: Values, best: Values, named: frozenset[Any]) -> dict[str, Any]:
     }
 
 
-def _name(effects: list[Values], best: list[Values]) -> str:
-    if best and len(effects) > _LONG and _key(effects) > _key(best):
-        known = _key(best)
-        return listed(["the same", *(effect_text(effect) for effect in effects if not _key([effect]) <= known)])
-    return effects_text(effects)
+def _told(effects: list[Values], best: list[Values], along: list[Values]) -> dict[str, str]:
+    """What a set is called, and apart from it what it shares of all that is fitted along: what differs stands out."""
+    keys = _key(effects)
+    if best and len(effects) > _LONG and keys > _key(best):
+        return {"name": capital(listed(["the same", *map(effect_text, _outside(effects, best))])), "along": ""}
+    own, missing = _outside(effects, along), _outside(along, effects)
+    shared = _outside(along, missing)
+    if not own or not shared:
+        return {"name": capital(effects_text(effects)), "along": ""}
+    if len(shared) <= max(_LONG, len(missing)):
+        return {"name": capital(effects_text(own)), "along": f"with {effects_text(shared)}"}
+    without = f", without {effects_text(missing)}" if missing else ""
+    return {"name": capital(effects_text(own)), "along": f"with {len(shared)} fitted along{without}"}
+
+
+def _outside(effects: list[Values], others: list[Values]) -> list[Values]:
+    keys = _key(others)
+    return [effect for effect in effects if not _key([effect]) <= keys]
 
 
 def _stands_in(rival: Values, best: Values, diagnosis: Values) -> bool:
