@@ -1,5 +1,6 @@
 from __future__ import annotations
 
+import dataclasses
 from typing import Any
 
 import mujoco
@@ -7,7 +8,9 @@ import numpy as np
 import pytest
 
 from torch_activegp.physics import Effect, Parameter, Place, Step
+from torch_activegp.physics.actuation import ActuatorGain
 from torch_activegp.physics.effect import element
+from torch_activegp.physics.sensing import SensorBias
 
 
 class Nothing(Effect):
@@ -44,6 +47,21 @@ def test_an_effect_is_told_by_name_and_target() -> None:
         NOTHING.describe(np.array([1.0]))
     assert len({NOTHING, Nothing("joint:elbow", (), np.zeros((1, 0)))}) == 2
     assert Place("joint:left:elbow", 0).item == "left:elbow"
+
+
+def test_what_a_drive_and_an_encoder_act_on_is_their_joint(bench: Any) -> None:
+    spec = bench.spec
+    tendon = spec.add_tendon(name="rope")
+    tendon.wrap_joint("elbow", 0.5)
+    spec.add_actuator(name="winch", target="rope", trntype=mujoco.mjtTrn.mjTRN_TENDON)
+    model = spec.compile()
+    winch = dataclasses.replace(bench.drive, target="actuator:winch", index=model.nu - 1)
+    effects = [
+        ActuatorGain.at(bench.drive, model),
+        ActuatorGain.at(winch, model),
+        SensorBias.at(dataclasses.replace(bench.drive, target="sensor:elbow"), model),
+    ]
+    assert [effect.acts_on for effect in effects] == ["joint:shoulder", "actuator:winch", "joint:elbow"]
 
 
 def test_elements_are_found_by_name_or_number(bench: Any) -> None:

@@ -73,7 +73,7 @@ def test_a_geared_servo_is_limited_before_its_gear(bench: Any) -> None:
     geared = dataclasses.replace(bench, xml=bench.xml.replace('kv=".2"', 'kv=".2" gear="3"'))
     effect = ServoSaturation.at(bench.servo, geared.model)
     assert geared.gap(geared.hooks(effect, [0.4]), geared.written(effect, [0.4])) < 1e-9
-    assert effect.drives == "joint:elbow"
+    assert effect.acts_on == "joint:elbow"
 
 
 def test_a_range_that_does_not_limit_is_none(bench: Any) -> None:

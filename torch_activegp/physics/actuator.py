@@ -59,6 +59,11 @@ class ActuatorEffect(Effect):
             linear=linear,
         )
 
+    @property
+    def acts_on(self) -> str:
+        """The joint that it drives; the actuator itself where it acts through a tendon or on a body."""
+        return self.drives or self.target
+
     def actuator(self, spec: mujoco.MjSpec) -> mujoco.MjsActuator:
         """The actuator in a model that is being edited."""
         actuator: mujoco.MjsActuator = element(spec, spec.actuators, self.target)

@@ -167,6 +167,11 @@ class Effect:
         return self.target.partition(":")[2]
 
     @property
+    def acts_on(self) -> str:
+        """The joint that it acts on, that of its drive or encoder too; its own target where there is no one joint."""
+        return self.target
+
+    @property
     def key(self) -> tuple[str, str]:
         """Name and target."""
         return self.name, self.target

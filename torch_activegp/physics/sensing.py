@@ -31,6 +31,11 @@ class SensorEffect(Effect):
         """Makes the effect for a recorded position."""
         return cls(f"sensor:{place.item}", (parameter,), np.array(seeds)[:, None], linear=linear, channel=place.index)
 
+    @property
+    def acts_on(self) -> str:
+        """The joint whose position it reads."""
+        return f"joint:{self.item}"
+
 
 class SensorBias(SensorEffect):
     """q + b: the encoder's zero is off."""

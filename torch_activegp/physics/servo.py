@@ -112,8 +112,8 @@ class ServoSaturation(Effect):
         return cls(place.target, (parameter,), seeds, linear=0, variant="force", servo=servo)
 
     @property
-    def drives(self) -> str:
-        """The joint that it acts on."""
+    def acts_on(self) -> str:
+        """The joint that it drives."""
         return f"joint:{self.servo.joint}"
 
     def limits(self, values: Array) -> tuple[float, float]:

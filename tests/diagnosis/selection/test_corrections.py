@@ -82,13 +82,6 @@ def test_names_far_behind_and_further_forms_of_one_are_no_rivals(bench, selectio
     assert also not in found
 
 
-def test_a_joint_is_that_of_its_drive_and_its_encoder(bench) -> None:
-    targets = [("actuator_gain", "actuator:drive"), ("sensor_gain", "sensor:hip"), ("linear_spring", "joint:hip")]
-    assert {module._joint(bench.effect(*target)) for target in targets} == {"joint:hip"}
-    assert module._joint(bench.effect("payload_mass", "body:rod")) == "body:rod"
-    assert module._joint(bench.effect("backlash")) == "joint:hip"
-
-
 @pytest.mark.parametrize(("lost", "changed"), [(100.0, False), (12.0, True), (0.0, True)])
 def test_corrections_that_explain_less_change_nothing(
     bench, selection, monkeypatch, lost: float, changed: bool

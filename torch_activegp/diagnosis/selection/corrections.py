@@ -14,9 +14,7 @@ from torch_activegp.diagnosis.selection.screening import screen
 from torch_activegp.diagnosis.selection.tuning import is_a_tuning
 from torch_activegp.diagnosis.shooting.fit import Fit
 from torch_activegp.diagnosis.shooting.likelihood import Shooting
-from torch_activegp.physics.actuator import ActuatorEffect
 from torch_activegp.physics.effect import Effect
-from torch_activegp.physics.servo import ServoSaturation
 
 _MOST = 5
 _FAR = 4
@@ -42,8 +40,8 @@ def correct_alike(selection: Selection, shooting: Shooting, effects: Sequence[Ef
     rivals = _rivals(selection)
     if not rivals:
         return
-    joints = {_joint(effect) for fit in rivals for effect in fit.effects}
-    tunable = [effect for effect in effects if effect.key in free and _joint(effect) in joints]
+    joints = {effect.acts_on for fit in rivals for effect in fit.effects}
+    tunable = [effect for effect in effects if effect.key in free and effect.acts_on in joints]
     screened = screen(shooting, selection.nominal, tunable)
     taken = [effect for fit in rivals for effect in fit.effects]  # what they have is within its bounds
     order = sorted(screened.best(), key=lambda atom: atom.effect not in taken)
@@ -90,9 +88,3 @@ def _only_corrects(selection: Selection, shooting: Shooting, needed: bool) -> bo
     best, free = selection.best, selection.score.free
     alone, others = ([e for e in best.effects if (e.key in free) is there] for there in (True, False))
     return bool(alone and others) and is_a_tuning(shooting, selection, alone, others, needed)
-
-
-def _joint(effect: Effect) -> str:
-    """The joint that an effect acts on, or its own target where there is no single one."""
-    driven = effect.drives if isinstance(effect, ActuatorEffect | ServoSaturation) else ""
-    return (driven or effect.target).replace("sensor:", "joint:")

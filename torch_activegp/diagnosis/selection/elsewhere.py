@@ -66,4 +66,4 @@ def _moves_the_same(one: Effect, other: Effect) -> bool:
 def _drives(drive: Effect, read: Effect) -> bool:
     """Whether the first is of an actuator that moves the joint of the second, which is of no actuator."""
     of_two = isinstance(read, ActuatorEffect)
-    return isinstance(drive, ActuatorEffect) and not of_two and drive.drives == f"joint:{read.item}"
+    return isinstance(drive, ActuatorEffect) and not of_two and drive.acts_on == read.acts_on

@@ -35,7 +35,7 @@ def _two_levels(pairs: Sequence[Pair], effects: Sequence[Effect]) -> list[list[P
     """
     out: list[list[Pair]] = []
     for dry, level in pairs:
-        laws = [e for e in effects if e.target == dry.target and dry.name in e.covers and e.name == TWO_SIDED]
+        laws = [e for e in effects if e.key == (TWO_SIDED, dry.target) and dry.name in e.covers]
         for steady, value in pairs if dry.name == "coulomb_friction" else ():
             force = constant(steady, value, dry.target)
             two_sided = np.array([level[0] - force, level[0] + force])
@@ -79,7 +79,7 @@ def as_pushes(
     out: list[list[Pair]] = []
     for effect, value in pairs:
         for other in (one for one in effects if all(one.key != e.key for e, _ in pairs)):
-            target = joint_of(other)
+            target = other.acts_on
             unit, there = push(other, np.ones(1), target), force(effect, value, target)
             if unit and there:
                 out.append([*((e, v) for e, v in pairs if e is not effect), (other, np.array([there / unit]))])
@@ -115,8 +115,3 @@ def _loads_elsewhere(pairs: Sequence[Pair], effects: Sequence[Effect]) -> list[l
             fitting = [form for form in forms if set(shift.axes) <= set(form.axes)]
             out += [[*others, (form, form.moving(float(mass[0]), there, moved))] for form in fitting]
     return out
-
-
-def joint_of(effect: Effect) -> str:
-    """The joint that an effect acts on, that of its drive too."""
-    return str(getattr(effect, "drives", effect.target))

@@ -8,6 +8,7 @@ import mujoco
 
 from torch_activegp.diagnosis.inputs.runs import Array
 from torch_activegp.physics.actuation import ActuatorBias, ActuatorGain, ActuatorSaturation
+from torch_activegp.physics.actuator import fed_by
 from torch_activegp.physics.effect import Effect
 
 _SAME = 0.01
@@ -29,7 +30,7 @@ def is_own_limit(model: mujoco.MjModel, effect: Effect, values: Mapping[Effect, 
     if not isinstance(effect, ActuatorSaturation):
         return False
     before = any(isinstance(e, ActuatorGain | ActuatorBias) and e.target == effect.target for e in values)
-    actuator = model.actuator(effect.item).id
+    actuator = fed_by(model, effect.index)
     limit = float(values[effect][0])
     end = float(abs(model.actuator_ctrlrange[actuator]).max())
     return before and bool(model.actuator_ctrllimited[actuator]) and abs(limit - end) <= _SAME * end

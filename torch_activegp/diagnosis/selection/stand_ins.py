@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from torch_activegp.diagnosis.selection.compared import Effort, Selection, compare, without_each
 from torch_activegp.diagnosis.selection.elsewhere import elsewhere
 from torch_activegp.diagnosis.selection.heats import CLOSE, PART, heat, near
-from torch_activegp.diagnosis.selection.proposals import Set, diverse, join, other_forms, softened
+from torch_activegp.diagnosis.selection.proposals import Set, contains, diverse, join, other_forms, softened
 from torch_activegp.diagnosis.selection.screening import allowed, screen
 from torch_activegp.diagnosis.selection.tuning import at_an_optimum, undone
 from torch_activegp.diagnosis.shooting.fit import Fit
@@ -131,7 +131,7 @@ def _enough(shooting: Shooting, gain: float) -> tuple[Shooting, NDArray[np.int64
 
 def _same_or_more(effect: Effect, than: Effect) -> bool:
     """Whether an effect is another one or contains it: it was tried on top already."""
-    return effect is than or (effect.target == than.target and than.name in effect.covers)
+    return effect is than or contains(effect, than)
 
 
 def soften(selection: Selection, shooting: Shooting, effects: Sequence[Effect]) -> bool:

@@ -8,7 +8,7 @@ import numpy as np
 
 from torch_activegp.diagnosis.selection.compared import Selection, in_place
 from torch_activegp.diagnosis.selection.intervals import certainty
-from torch_activegp.diagnosis.selection.merging import TWO_SIDED, joint_of, push
+from torch_activegp.diagnosis.selection.merging import TWO_SIDED, push
 from torch_activegp.diagnosis.selection.proposals import contains, of_part
 from torch_activegp.diagnosis.shooting.fit import Fit
 from torch_activegp.diagnosis.shooting.likelihood import Shooting
@@ -187,7 +187,7 @@ def as_one(
     values, two_sided = best.by_effect, (TWO_SIDED, effect.target)
     if effect.name != "coulomb_friction":
         return ()
-    here = any(joint_of(other) == effect.target for other in tuned)
+    here = any(other.acts_on == effect.target for other in tuned)
     if here and any(two_sided in fit.keys for fit, _, _ in rivals):
         return (two_sided,)
     least = _LOPSIDED * float(values[effect][0])

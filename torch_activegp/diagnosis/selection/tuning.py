@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from torch_activegp.diagnosis.selection.compared import Selection, fitted
-from torch_activegp.diagnosis.selection.merging import joint_of
 from torch_activegp.diagnosis.selection.proposals import Set, diverse, join, with_values
 from torch_activegp.diagnosis.selection.screening import Atom, Screen, screen
 from torch_activegp.diagnosis.shooting.fit import Fit
@@ -87,7 +86,7 @@ def _overdamped(fit: Fit, effects: Sequence[Effect]) -> bool:
     """Whether a viscous friction comes out below zero on every joint that some effects act on."""
     pairs = list(zip(fit.effects, fit.values, strict=True))
     joints = {e.target for e, v in pairs if e in effects and e.name == "viscous_friction" and v[0] < 0.0}
-    return bool(joints) and all(joint_of(e) in joints for e in effects)
+    return bool(joints) and all(e.acts_on in joints for e in effects)
 
 
 def _bar(shares: Sequence[float], count: int) -> float:
@@ -163,8 +162,8 @@ def _was_not_tuned(shooting: Shooting, selection: Selection, tunable: Sequence[E
         each = {atom.effect: screened.possible_gain([atom]) for atom in atoms}
         selection.tunable_gains = each, screened.possible_gain(atoms) if atoms else 0.0
     each, together = selection.tunable_gains
-    tuned = {joint_of(effect) for effect in (tunable if len(tunable) >= _FEW else each)}
-    alone = max((gain for effect, gain in each.items() if joint_of(effect) in tuned), default=0.0)
+    tuned = {effect.acts_on for effect in (tunable if len(tunable) >= _FEW else each)}
+    alone = max((gain for effect, gain in each.items() if effect.acts_on in tuned), default=0.0)
     explained = nominal.chi2 - selection.best.chi2
     return alone > _TOO_MUCH * explained or (len(tunable) == 1 and together > _SINGLE * explained)
 
