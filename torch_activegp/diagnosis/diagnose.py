@@ -158,7 +158,7 @@ def _report(
     numerics = None
     if explanation.fine:
         step = median_step(machine.fit)
-        numerics = Form(engine.model.opt.integrator, step / engine.substeps, explanation.firm)
+        numerics = Form(engine.model.opt.integrator, step / engine.substeps, explanation.firm, engine.explicit)
     xml, held, difference = corrected_xml(source.spec, chosen.effects, chosen.values, numerics)
     corrected = simulator_with(source, machine.channels, chosen.candidate, xml if all(held) else None, numerics)
     learned = None

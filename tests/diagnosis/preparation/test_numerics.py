@@ -223,6 +223,27 @@ def test_where_something_touches_only_forms_that_are_close_in_brief_pieces_are_f
     assert [(rival.engine, rival.left) for rival in found] == [(made.fine, 109.0), (made.own[1], 100.0)]
 
 
+@pytest.mark.parametrize(("left", "asked"), [(1.04, []), (1.06, [1, 2])])
+def test_where_something_touches_shorter_steps_are_asked_last_and_only_for_more_than_noise(
+    clean, monkeypatch, left: float, asked: list[int]
+) -> None:
+    made = dataclasses.replace(Numerics.of(clean.integrated("Euler", 0.01), 1), stiff=True)
+    shooting = truth_of(clean, made, "fine")
+    fit = shooting.fit([((), ())], clean.nominal.starts)[0]
+    own = made.own[1:3]
+    rivals = [Rival(form, np.zeros(0), 90.0 + i, 90.0) for i, form in enumerate((*own, made.given, made.fine))]
+    fitted: list = []
+
+    def work(self, rival, first, rough, lost):
+        fitted.append(rival.engine)
+        return shooting, dataclasses.replace(fit, chi2=left * first.dof)
+
+    monkeypatch.setattr(Numerics, "_working", work)
+    made._race(rivals, shooting, fit, [], shooting.dof)
+    assert set(fitted[:2]) == {made.given, made.fine}
+    assert [made.own.index(form) for form in fitted[2:]] == asked
+
+
 @pytest.mark.parametrize(("integrator", "tried"), [("Euler", [7]), ("RK4", [0, 7])])
 def test_one_length_of_step_tells_of_the_others(clean, integrator: str, tried: list[int]) -> None:
     made = Numerics.of(clean.integrated(integrator, 0.01), 1)
@@ -302,12 +323,12 @@ def test_behind_names_that_leave_more_than_noise_the_own_integrator_is_tried_onc
     asked: list[float] = []
     now: dict[str, float] = {}
 
-    def closer(self, forms, first, rough, rivals):
+    def closer(_, forms, first, rough, rivals):
         assert made.fine in [rival.engine for rival in rivals]
         asked.append(rivals[0].left)
         return [Rival(own, np.zeros(0), now["nearer"] * rivals[0].left, now["least"])]
 
-    monkeypatch.setattr(Numerics, "_own_rivals", closer)
+    monkeypatch.setattr("torch_activegp.diagnosis.preparation.numerics.own_rivals", closer)
     monkeypatch.setattr(Numerics, "_working", lambda *_: (shooting, dataclasses.replace(fit, chi2=now["chi2"])))
     dof = shooting.dof
     loud, quiet = (dataclasses.replace(fit, chi2=times * dof) for times in (2.0, 1.0))

@@ -2,6 +2,7 @@ from __future__ import annotations
 
 import dataclasses
 
+import mujoco
 import numpy as np
 import pytest
 
@@ -10,9 +11,10 @@ from torch_activegp.diagnosis.inputs.segments import cut
 from torch_activegp.diagnosis.noise.model import NoiseModel
 from torch_activegp.diagnosis.preparation.numerics import Numerics
 from torch_activegp.diagnosis.selection.compared import Selection
-from torch_activegp.diagnosis.selection.finer_steps import nameless_in_finer_steps, without_a_step
+from torch_activegp.diagnosis.selection.finer_steps import nameless_in_finer_steps, of_a_step, without_a_step
 from torch_activegp.diagnosis.shooting.likelihood import Shooting
 from torch_activegp.diagnosis.shooting.score import Score
+from torch_activegp.diagnosis.simulation.candidate import NOMINAL, Candidate
 from torch_activegp.diagnosis.simulation.places import effects_for
 
 NOISE = 2e-4
@@ -42,7 +44,7 @@ def named(leaning, left: float, scale: float = 1.0) -> Selection:
 def test_a_name_that_stands_for_long_steps_is_none(leaning, monkeypatch) -> None:
     numerics, shooting, nominal, _ = leaning
     monkeypatch.setattr("torch_activegp.diagnosis.selection.finer_steps._SMALL", 1e9)
-    found = nameless_in_finer_steps(numerics, shooting, named(leaning, 1.5))
+    found = nameless_in_finer_steps(numerics, numerics.given, shooting, named(leaning, 1.5))
     assert nominal.chi2 > 1.5 * shooting.dof
     assert found is not None
     finer, bare = found
@@ -54,7 +56,7 @@ def test_a_name_that_stands_for_long_steps_is_none(leaning, monkeypatch) -> None
 def test_a_name_stays_where_shorter_steps_do_not_do_as_well(leaning, monkeypatch) -> None:
     numerics, shooting, _, _ = leaning
     monkeypatch.setattr("torch_activegp.diagnosis.selection.finer_steps._SMALL", 1e9)
-    assert nameless_in_finer_steps(numerics, shooting, named(leaning, 0.5)) is None
+    assert nameless_in_finer_steps(numerics, numerics.given, shooting, named(leaning, 0.5)) is None
 
 
 @pytest.mark.parametrize(("part", "all_asked"), [(0.75, True), (0.25, False)])
@@ -76,7 +78,7 @@ def test_shorter_steps_that_gain_little_of_it_on_a_part_are_not_fitted_to_all(
         Shooting, "fit", lambda self, *args, **keys: fitted.append(self.segments.size) or plain(self, *args, **keys)
     )
     selection = Selection(nominal, [nominal, best], Score(shooting.samples, 60, 1.0))
-    assert nameless_in_finer_steps(numerics, shooting, selection) is None
+    assert nameless_in_finer_steps(numerics, numerics.given, shooting, selection) is None
     assert (many.size in fitted) is all_asked
     assert min(fitted) < many.size
 
@@ -98,7 +100,7 @@ def test_shorter_steps_need_not_gain_what_names_cost(leaning, monkeypatch) -> No
         fitted.clear()
         dear = dataclasses.replace(score, scale=part * gained / price)  # what a name costs of its gain
         assert dear(nominal) > dear(best)
-        found = nameless_in_finer_steps(numerics, shooting, Selection(nominal, [nominal, best], dear))
+        found = nameless_in_finer_steps(numerics, numerics.given, shooting, Selection(nominal, [nominal, best], dear))
         assert (found is not None) is needless
     long = [some for some in fitted if some.intervals == shooting.segments.intervals]  # the others are brief pieces
     assert len(long) == 2 * 3
@@ -109,17 +111,71 @@ def test_it_is_asked_only_where_little_is_missing_and_something_touches(leaning,
     for part, asked in ((1.01, True), (0.99, False)):
         least = part * nominal.chi2 / shooting.dof
         monkeypatch.setattr("torch_activegp.diagnosis.selection.finer_steps._SMALL", least)
-        assert (nameless_in_finer_steps(numerics, shooting, named(leaning, 1.5)) is not None) is asked
-    assert nameless_in_finer_steps(numerics, shooting, Selection(nominal, [nominal], Score(100, 60, 1.0))) is None
+        assert (nameless_in_finer_steps(numerics, numerics.given, shooting, named(leaning, 1.5)) is not None) is asked
+    assert (
+        nameless_in_finer_steps(numerics, numerics.given, shooting, Selection(nominal, [nominal], Score(100, 60, 1.0)))
+        is None
+    )
     assert [form.substeps for form in numerics.finer] == [2 * numerics.given.substeps, 4 * numerics.given.substeps]
     assert Numerics.of(bench.machine, 1).finer == ()
+
+
+@pytest.mark.parametrize(("steps", "nameless"), [(5, True), (None, False)])
+def test_a_rotor_that_stands_for_explicit_damping_is_no_name(clean, steps: int | None, nameless: bool) -> None:
+    """In a simulator of first order it is h D too heavy; one that is too heavy stays, however the model integrates."""
+    quiet, machine = 1e-4, clean.integrated("implicitfast", 0.01, 'damping="0.3" armature="0.05"')
+    heavy = next(e for e in effects_for(machine.model, machine.channels, machine.fit) if e.name == "armature_error")
+    numerics = Numerics.of(machine, 1)
+    truth = next((form for form in numerics.own if form.explicit and form.substeps == steps), numerics.fine)
+    candidates = [NOMINAL if nameless else Candidate((heavy,), (np.array([-0.006]),))]
+    told = truth.predict(clean.segments, clean.nominal.starts[None], candidates)[0]
+    position = told + quiet * np.random.default_rng(0).normal(size=told.shape)
+    segments = dataclasses.replace(clean.segments, position=position)
+    shooting = Shooting(numerics.fine, segments, NoiseModel.white(np.array([quiet])))
+    nominal = shooting.fit([((), ())], clean.nominal.starts)[0]
+    best = shooting.fit([((heavy,), (np.array([-0.001]),))], nominal.starts)[0]
+    selection = Selection(nominal, [nominal, best], Score(shooting.samples, 60, 1.0))
+    assert best.values[0][0] < 0.0
+    assert selection.best is best
+    selection.nominal = dataclasses.replace(nominal, chi2=min(nominal.chi2, 1.9 * shooting.dof))
+    found = nameless_in_finer_steps(numerics, numerics.fine, shooting, selection)
+    assert (found is not None) is nameless
+    if found is not None:
+        assert found[0].engine is truth
+        assert found[1].best.chi2 < 1.2 * shooting.dof
+
+
+@pytest.mark.parametrize("found", [True, False])
+def test_a_damping_that_stands_for_half_a_step_beside_another_name(clean, found: bool) -> None:
+    """Behind a stiff servo, whose controls come early in a simulator of first order; one that is missing stays."""
+    servo = '<position name="drive" joint="hip" kp="60" kv="3"/>'
+    text = clean.xml.replace('<motor name="drive" joint="hip"/>', servo).replace("RK4", "implicitfast")
+    model = mujoco.MjModel.from_xml_string(text.replace('name="hip"', 'name="hip" damping="0.5"', 1))
+    machine, quiet = dataclasses.replace(clean.machine, model=model), 1e-5
+    every = effects_for(model, machine.channels, machine.fit)
+    effects = {effect.name: effect for effect in every if len(effect.parameters) == 1}
+    load, wet = effects["payload_mass"], effects["viscous_friction"]
+    numerics = Numerics.of(machine, 1)
+    truth = next(form for form in numerics.own if form.explicit and form.substeps == 10) if found else numerics.fine
+    loaded = Candidate((load, wet), (np.array([0.1]), np.array([0.0 if found else -0.1])))
+    told = truth.predict(clean.segments, clean.nominal.starts[None], [loaded])[0]
+    position = told + quiet * np.random.default_rng(0).normal(size=told.shape)
+    segments = dataclasses.replace(clean.segments, position=position)
+    shooting = Shooting(numerics.fine, segments, NoiseModel.white(np.array([quiet])))
+    nominal = shooting.fit([((), ())], clean.nominal.starts)[0]
+    best = shooting.fit([((load, wet), (np.array([0.1]), np.array([-0.01])))], nominal.starts)[0]
+    alone = dataclasses.replace(best, effects=(wet,), values=best.values[1:])
+    for some, names in ((best, frozenset([wet]) if found else frozenset()), (alone, frozenset())):
+        selection = Selection(nominal, [nominal, some], Score(shooting.samples, 60, 1.0))
+        assert selection.best is some
+        assert of_a_step(numerics, numerics.fine, shooting, selection) == names
 
 
 def test_names_that_were_found_in_such_steps_stay(leaning, monkeypatch) -> None:
     numerics, shooting, _, _ = leaning
     monkeypatch.setattr("torch_activegp.diagnosis.selection.finer_steps._SMALL", 1e9)
     finest = dataclasses.replace(shooting, engine=numerics.finer[-1])
-    assert nameless_in_finer_steps(numerics, finest, named(leaning, 1.5)) is None
+    assert nameless_in_finer_steps(numerics, finest.engine, finest, named(leaning, 1.5)) is None
 
 
 def test_what_is_late_by_less_than_half_a_step_of_the_own_integrator_is_no_name(clean) -> None:

@@ -5,6 +5,7 @@ import numpy as np
 import pytest
 
 from torch_activegp.diagnosis.simulation.correction import Form, corrected_xml
+from torch_activegp.diagnosis.simulation.explicit_damping import is_explicit
 from torch_activegp.physics import Effect, Place
 from torch_activegp.physics.actuation import ActuatorGain, ActuatorSaturation
 
@@ -29,6 +30,15 @@ def test_numerics_are_written_too(spec) -> None:
     text, held, _ = corrected_xml(spec, [], [], Form(implicit, 0.0025))
     model = mujoco.MjModel.from_xml_string(text)
     assert (model.opt.integrator, model.opt.timestep, held) == (implicit, 0.0025, [])
+
+
+def test_explicit_damping_is_written_and_what_is_read_integrates_so(spec) -> None:
+    euler = int(mujoco.mjtIntegrator.mjINT_EULER)
+    made = {way: corrected_xml(spec, [], [], Form(euler, 0.001, explicit=way))[0] for way in (True, False)}
+    assert {way: is_explicit(mujoco.MjModel.from_xml_string(text)) for way, text in made.items()} == {
+        True: True,
+        False: False,
+    }
 
 
 def test_friction_that_sticks_firmly_is_written_where_there_is_some(bench) -> None:

@@ -81,6 +81,22 @@ def test_the_models_own_integrator_has_firm_friction_too(clean) -> None:
     assert not made.sticks(made.stand_in(soft))
 
 
+@pytest.mark.parametrize(("joint", "limit"), [('damping="0.1"', ""), ("", ' kv="1"'), ("", "")])
+def test_where_something_brakes_other_simulators_take_its_speed_before_each_step(clean, joint: str, limit: str) -> None:
+    drive = f'<position name="drive" joint="hip"{limit}/>'
+    machine = clean.integrated("implicitfast", 0.01, joint)
+    text = clean.xml.replace('<motor name="drive" joint="hip"/>', drive).replace("RK4", "implicitfast")
+    if limit:
+        machine = dataclasses.replace(machine, model=mujoco.MjModel.from_xml_string(text.replace("0.005", "0.01")))
+    made = Forms.of(machine, 1)
+    explicit = [form for form in made.own if form.explicit]
+    others = [form for form in made.own if not form.explicit]
+    assert [form.substeps for form in explicit] == ([form.substeps for form in others] if joint or limit else [])
+    for form in explicit:
+        assert form.scheme == (False, EULER, True)
+        assert made.stand_in(form) in explicit
+
+
 def test_what_strikes_now_and_then_takes_long_steps_where_nothing_touches(clean) -> None:
     highest = np.rad2deg(np.quantile(np.concatenate([run.smooth for run in clean.machine.fit]), [0.95, 0.5]))
     seldom, often = (
@@ -133,7 +149,9 @@ def test_the_models_own_integrator_in_shorter_steps(clean) -> None:
     ]
     striking = Forms.of(clean.integrated("RK4", 0.01, 'limited="true" range="-900 10"'), 1)
     assert striking.stiff
-    assert [form.substeps for form in striking.own] == [2, 4, 5]  # no shorter than 2 ms, by the scheme that it has
+    assert [form.substeps for form in striking.own] == [2, 4, 5, 10, 20]  # by the scheme that it has
+    short = Forms.of(clean.integrated("RK4", 0.001, 'limited="true" range="-900 10"'), 1)
+    assert [form.substeps for form in short.own] == [20, 40, 50]  # none is shorter than 0.2 ms
     assert {form.model.opt.integrator for form in striking.own} == {RK4}
     assert set(striking.own) < set(striking.all)
 

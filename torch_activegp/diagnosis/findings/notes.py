@@ -101,4 +101,5 @@ def _how(explanation: Explanation) -> str:
     """Integrator and time step, as they go into the corrected model."""
     engine = explanation.engine.without_leapfrog()
     step = median_step(explanation.shooting.segments.runs) / engine.substeps
-    return f"by {_SCHEMES[int(engine.model.opt.integrator)]} in steps of {step:.3g} s"
+    explicitly = ", damping taken explicitly," * engine.explicit
+    return f"by {_SCHEMES[int(engine.model.opt.integrator)]}{explicitly} in steps of {step:.3g} s"

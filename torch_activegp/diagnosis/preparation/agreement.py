@@ -53,7 +53,7 @@ def first_close(
     may be carried from one state to another, and need not show it on all.
     """
     engine, working, judged = precise.engine, precise, begin
-    tried: dict[tuple[bool, int], float] = {}
+    tried: dict[tuple[bool, int, bool], float] = {}
     for cheap in forms:
         scheme, steps = cheap.scheme, cheap.steps_in(precise.segments)
         dear = exact is not None and LENDS * steps > engine.steps_in(precise.segments)

@@ -18,24 +18,22 @@ from torch_activegp.diagnosis.preparation.late import (
     without_delays,
     without_half_steps,
 )
-from torch_activegp.diagnosis.preparation.rivals import Rival, closest_by_one, distinct
+from torch_activegp.diagnosis.preparation.own_forms import DISCRETE, MUCH, NO_FARTHER, own_rivals
+from torch_activegp.diagnosis.preparation.rivals import Rival, distinct
 from torch_activegp.diagnosis.preparation.telling import CREEPS, enough, telling
 from torch_activegp.diagnosis.shooting.fit import Fit
 from torch_activegp.diagnosis.shooting.likelihood import Shooting
 from torch_activegp.diagnosis.shooting.score import NOISE_ALONE
 from torch_activegp.diagnosis.simulation.calm import is_abrupt
 from torch_activegp.diagnosis.simulation.engine import Engine
-from torch_activegp.diagnosis.simulation.forms import FEW_SHORTER, Forms
+from torch_activegp.diagnosis.simulation.forms import Forms
 
 _PRICE = 20.0
 _FINEST = 2.0
 """Chi2 by which shorter steps must fit better: they cost time alone."""
-_MUCH, _CLEARLY = 2.0, 0.25
-"""Where more than this times the noise is left, another form than the model's own must fit better by so much of it:
-one form or the other absorbs some of what is missing by chance."""
-_DISCRETE = 0.03
-"""Part of chi2 by which the model's own time steps must fit better: a machine has none. Dry friction of 0.12 N m was
-found as 0.1165 with steps of 2.5 ms that fitted one run better by a fortieth of its chi2."""
+_CLEARLY = 0.25
+"""Where more than :data:`MUCH` times the noise is left, another form than the model's own must fit better by so much of
+it: one form or the other absorbs some of what is missing by chance."""
 _NEAR, _LOST = 2.0, 4.0
 """Where a form leaves less than so many times the noise, others that leave so many times as much are given up."""
 _BEHIND, _FAR_BEHIND, _BARE_BEHIND = 0.02, 50.0, 10.0
@@ -43,12 +41,11 @@ _BEHIND, _FAR_BEHIND, _BARE_BEHIND = 0.02, 50.0, 10.0
 chi2 (parameters may move far, and the model's own form comes before others), or by so much where initial states alone
 are fitted. Not where something touches or sticks, nor behind a delay of few steps, which is longer by a form that has
 controls early: behind drag and two of half a step Runge-Kutta was not tried, which wanted drag alone."""
+_SPARE = 1.05
+"""Where something touches and a form leaves less than so many times the noise, its own integrator in shorter steps is
+not asked: a hopper's steps of 1 ms left 1.18, half of them 1.09, and 1.02 those of 0.2 ms that it was made in."""
 _ABOUT = 1.2
 """Where the fine form leaves at most so many times what the closest one does before they are fitted, it comes first."""
-_GLANCE, _NO_FARTHER = 6, 1.1
-"""Segments on which the model's own integrator is tried in steps of several lengths where something sticks; and how
-much more than the other forms the best may leave to be fitted: it must be better where much is left, by what it costs.
-Where something touches, any form than the best one in brief pieces."""
 
 Known = tuple[Engine, Shooting]
 
@@ -150,10 +147,14 @@ class Numerics(Forms):
             rivals = distinct(rivals, first, rough, not smooth)
         close = _ABOUT * min(rival.left for rival in rivals)
         may_skip = smooth and not like_few_steps(rough.effects, rough.values, self._fine_step(first.segments))
-        for rival in sorted(rivals, key=lambda one: (one.engine is not self.fine or one.left > close, one.left)):
+        spare = self.own if self.stiff else ()  # so alike where something touches that all of them would be fitted
+        rivals = sorted(rivals, key=lambda one: (one.engine is not self.fine or one.left > close, one.left))
+        for rival in sorted(rivals, key=lambda one: one.engine in spare):
             lost = _LOST * least if least < _NEAR * first.dof else np.inf
             expected = self._cost(rival.engine, rough, rival.least / share, dof)
             much = rival.engine is self.given or bool(rough.effects)
+            if least < _SPARE * first.dof and rival.engine in spare:
+                continue
             if least < NOISE_ALONE * first.dof and may_skip and expected > _too_far(results, much):
                 continue
             working, judged = self._working(rival, first, rough, lost)
@@ -185,10 +186,10 @@ class Numerics(Forms):
         for begin in begins:
             here = self._rough(first, begin, ())
             rivals = [Rival.at(first, form, here) for form in dict.fromkeys((engine, self.fine))]
-            for rival in self._own_rivals(own, first, here, rivals):
+            for rival in own_rivals(self, own, first, here, rivals):
                 promised = self._cost(rival.engine, begin, rival.least * dof / first.dof, dof)
                 vain = here.columns is not None and promised > cost + _BEHIND * cost + _FAR_BEHIND
-                if rival.left < (1.0 - _DISCRETE) * rivals[0].left and not vain:
+                if rival.left < (1.0 - DISCRETE) * rivals[0].left and not vain:
                     closer, fit = self._working(rival, first, here, np.inf)
                     if self._cost(rival.engine, fit, fit.chi2 * dof / first.dof, dof) < cost:
                         return rival.engine, closer, fit
@@ -207,31 +208,17 @@ class Numerics(Forms):
         own = [form for form in self.own if form not in competing]
         if self.stiff:
             leaves = {form: left_in_brief(first, form, rough) for form in (*competing, *own)}
-            near = [form for form, chi2 in leaves.items() if chi2 <= _NO_FARTHER * min(leaves.values())]
+            near = [form for form, chi2 in leaves.items() if chi2 <= NO_FARTHER * min(leaves.values())]
             return [dataclasses.replace(Rival.at(first, form, rough), left=leaves[form]) for form in near]
         rivals = [Rival.at(first, form, rough) for form in competing]
-        return rivals + self._own_rivals(own, first, rough, rivals) if own else rivals
-
-    def _own_rivals(self, own: Sequence[Engine], first: Shooting, rough: Fit, rivals: Sequence[Rival]) -> list[Rival]:
-        """The one of some forms, in steps of several lengths, that comes closest, where no other is closer by far."""
-        left = min(rival.left for rival in rivals)
-        least = left * (_NO_FARTHER if left < _MUCH * first.dof else 1.0 - _DISCRETE)
-        fails = any(rival.engine is self.fine and not np.isfinite(rival.left) for rival in rivals)
-        if any(is_abrupt(effect) for effect in rough.effects) or self.firm is not None or fails:
-            few, which = first.subset(_GLANCE / first.segments.size)
-            some = [form for form in own if form.substeps // self.given.substeps in FEW_SHORTER] or own
-            closest = min(some, key=lambda form: Rival.at(few, form, rough.pick(which)).left)
-            found = [Rival.at(first, closest, rough)]
-        else:
-            found = closest_by_one(own, rivals, self.fine, first, rough, least)
-        return [rival for rival in found[-1:] if rival.left < least]
+        return rivals + own_rivals(self, own, first, rough, rivals) if own else rivals
 
     def _cost(self, engine: Engine, fit: Fit, chi2: float, dof: int) -> float:
         """What a fit leaves, with what its parameters and its form must be worth."""
         price = _PRICE * fit.size + (_FINEST if engine in (*self.short, *self.own) else 0.0)
         if engine in (self.given, *self.own) and engine is not self.fine:
-            price += _DISCRETE * chi2
-        much = max(chi2 - _MUCH * dof, 0.0)
+            price += DISCRETE * chi2
+        much = max(chi2 - MUCH * dof, 0.0)
         return chi2 + price + (0.0 if engine is self.given else _CLEARLY * much)
 
     def _forms(self, segments: Segments, sets: Sets, known: Known | None, loud: bool = False) -> list[Engine]:

@@ -21,7 +21,7 @@ from torch_activegp.diagnosis.preparation.numerics import Numerics
 from torch_activegp.diagnosis.preparation.telling import CREEPS
 from torch_activegp.diagnosis.selection.compared import Selection
 from torch_activegp.diagnosis.selection.corrections import correct_alike
-from torch_activegp.diagnosis.selection.finer_steps import nameless_in_finer_steps, without_a_step
+from torch_activegp.diagnosis.selection.finer_steps import nameless_in_finer_steps, of_a_step, without_a_step
 from torch_activegp.diagnosis.selection.first_names import Naming, besides, in_brief_pieces, is_of, leaders, on_a_part
 from torch_activegp.diagnosis.selection.own_errors import by_their_own_errors
 from torch_activegp.diagnosis.selection.polish import polish
@@ -257,8 +257,9 @@ def _finish(
         if set(found.effects) == set(before.effects) and not found.chi2 < _SETTLED * before.chi2:
             break
     selection = without_a_step(numerics, engine, shooting, selection)
-    if (nameless := nameless_in_finer_steps(numerics, shooting, selection)) is not None:
+    if (nameless := nameless_in_finer_steps(numerics, engine, shooting, selection)) is not None:
         return Explanation(nameless[0].engine, *nameless, tuple(effects), fine=True)
+    selection.of_a_step = of_a_step(numerics, engine, shooting, selection)
     correct_alike(selection, shooting, effects)
     polish(shooting, selection, effects)
     shooting = by_their_own_errors(shooting, engine, selection)

@@ -10,6 +10,7 @@ import mujoco
 import numpy as np
 
 from torch_activegp.diagnosis.inputs.runs import Array
+from torch_activegp.diagnosis.simulation.explicit_damping import make_explicit
 from torch_activegp.physics.effect import Effect
 from torch_activegp.physics.friction import write_sharp
 
@@ -21,11 +22,22 @@ class Form(NamedTuple):
         integrator: one of ``mujoco.mjtIntegrator``.
         step: time step, s.
         firm: whether the dry friction of the model's own joints stuck firmly.
+        explicit: whether semi-implicit Euler took damping at the speed that a step begins with.
     """
 
     integrator: int
     step: float
     firm: bool = False
+    explicit: bool = False
+
+    def write(self, spec: mujoco.MjSpec) -> None:
+        """Lets a model that is being edited integrate so."""
+        spec.option.integrator, spec.option.timestep = self.integrator, self.step
+        if self.explicit:
+            make_explicit(spec.option)
+        for joint in spec.joints if self.firm else ():
+            if joint.frictionloss > 0.0:
+                write_sharp(joint, self.step)
 
 
 def corrected_xml(
@@ -51,10 +63,7 @@ def corrected_xml(
     before = spec.to_xml()
     edited = spec.copy()
     if numerics is not None:  # first: the softness of dry friction and the shortest delay are those of its time step
-        edited.option.integrator, edited.option.timestep = numerics.integrator, numerics.step
-        for joint in edited.joints if numerics.firm else ():
-            if joint.frictionloss > 0.0:
-                write_sharp(joint, numerics.step)
+        numerics.write(edited)
     held: list[bool | None] = [None] * len(effects)
     for i in sorted(range(len(effects)), key=lambda i: effects[i].order):  # a drive's in their chain
         held[i] = effects[i].write(edited, np.asarray(values[i]))

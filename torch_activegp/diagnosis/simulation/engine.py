@@ -16,6 +16,7 @@ from torch_activegp.diagnosis.inputs.runs import Array, Channels, Run, median_st
 from torch_activegp.diagnosis.inputs.segments import Segments
 from torch_activegp.diagnosis.simulation.candidate import Candidate, grouped
 from torch_activegp.diagnosis.simulation.controls import Controls, Inputs
+from torch_activegp.diagnosis.simulation.explicit_damping import is_explicit
 from torch_activegp.diagnosis.simulation.fields import Fields
 from torch_activegp.diagnosis.simulation.hermite import fill_rows
 from torch_activegp.diagnosis.simulation.leapfrog import halve_damping
@@ -126,9 +127,14 @@ class Engine:
         return int(self.model.nq + self.model.nv)
 
     @property
-    def scheme(self) -> tuple[bool, int]:
+    def scheme(self) -> tuple[bool, int, bool]:
         """How it integrates, whatever the steps."""
-        return self.late, int(self.model.opt.integrator)
+        return self.late, int(self.model.opt.integrator), self.explicit
+
+    @property
+    def explicit(self) -> bool:
+        """Whether it is semi-implicit Euler with damping at the speed that a step begins with."""
+        return is_explicit(self.model)
 
     def steps_in(self, segments: Segments) -> float:
         """Time steps of one simulation of some segments, at most; those of Runge-Kutta count four times."""

@@ -17,7 +17,8 @@ from torch_activegp.diagnosis.inputs.segments import cut
 from torch_activegp.diagnosis.simulation.calm import CalmEngine, SmoothEngine
 from torch_activegp.diagnosis.simulation.candidate import NOMINAL
 from torch_activegp.diagnosis.simulation.engine import IMPLICIT_FAST, Engine, substeps_for
-from torch_activegp.diagnosis.simulation.leapfrog import is_of_second_order
+from torch_activegp.diagnosis.simulation.explicit_damping import explicit
+from torch_activegp.diagnosis.simulation.leapfrog import is_of_second_order, servo_damping
 from torch_activegp.diagnosis.simulation.prescribed_motion import RUNGE_KUTTA
 from torch_activegp.diagnosis.simulation.touching import TOUCHING, is_tied, poses_that_touch
 from torch_activegp.physics.friction import sticking
@@ -27,6 +28,7 @@ _LONGEST = 0.005
 _PIECE, _ABOUT = 0.25, 0.1
 """How long pieces are in which these are compared with the model, s, and by what part of the motion they may be off."""
 _STIFF_STEP = 0.001
+_EULER = int(mujoco.mjtIntegrator.mjINT_EULER)
 _EFFECT_STEP, _HELD_STEP = 0.0005, 0.00125
 """An effect that is a force is held in each time step: a stop or a play that acts for milliseconds wants short ones,
 and friction sticks as firmly as two of them allow. Leapfrog in the first is more exact than Runge-Kutta in the second
@@ -36,7 +38,7 @@ _FIRM_STEP = 0.00025
 in steps of 0.5 ms, and 0.89, as the noise alone, with leapfrog in half of that. Two coupled ones left 8.3 and 1.3."""
 _QUICK = 0.00125
 FEW_SHORTER = (2, 4, 5, 10, 20)
-_SHORTER, _SHORTEST, _STIFF_SHORTEST = (2, 3, 4, 5, 6, 8, 10, 12, 16, 20), 0.95e-4, 1.9e-3
+_SHORTER, _SHORTEST, _STIFF_SHORTEST = (2, 3, 4, 5, 6, 8, 10, 12, 16, 20), 0.95e-4, 1.9e-4
 """How many times shorter the machine's steps may be, a few of these where each of them must be tried, as of a simulator
 that is recorded in the model's place; and not below, s. Integrators of first order put a control half a step early:
 0.25 ms left 1.7 times the noise of 0.5 mrad on an arm of two joints, where Runge-Kutta was the only other form, and no
@@ -80,7 +82,8 @@ class Forms:
         firm_quick: to it as quick is to finest.
         own: the model's own integrator in shorter steps; semi-implicit Euler in place of Runge-Kutta, but where
             something touches: that is soft by as much as a time step is long, in Runge-Kutta's too. Nor where drives
-            are of the type ``filterexact``: their forces are late by half a step, in Runge-Kutta's too.
+            are of the type ``filterexact``: their forces are late by half a step, in Runge-Kutta's too. And, for
+            simulators that are not MuJoCo's, semi-implicit Euler with damping at the speed that a step begins with.
         finer: the model's own integrator in half and quarter steps where something touches; they do not compete.
     """
 
@@ -145,6 +148,8 @@ class Forms:
         if model.dof_frictionloss.any():
             some = [steps for steps in shorter if steps // plain in FEW_SHORTER]
             own += [make(sticking(model, step / steps), substeps=steps, integrator=first) for steps in some]
+        if not late_drives and (model.dof_damping.any() or servo_damping(model).any()):
+            own += [make(explicit(model), substeps=steps, integrator=_EULER) for steps in shorter]
         finer = tuple(make(model, substeps=plain * many) for many in FEW_SHORTER[:2]) if stiff else ()
         made = cls(given, fine, coarse, middle, stiff, late, **short, own=tuple(own), finer=finer)
         begin_drives(made.all, machine.fit)
@@ -165,7 +170,8 @@ class Forms:
         """What may stand in for one of the forms where no coarse one is close."""
         if engine in self.own:
             quicker = range(_QUICKER * self.given.substeps, engine.substeps // 2 + 1)
-            alike = (own for own in self.own if self.sticks(own) == self.sticks(engine))
+            same = self.sticks(engine), engine.scheme
+            alike = (own for own in self.own if (self.sticks(own), own.scheme) == same)
             return next((own for own in alike if own.substeps in quicker), engine)
         quick = self.firm_quick if self.sticks(engine) else self.quick
         return quick if quick is not None and engine in self.short and engine.late else self.middle

@@ -18,6 +18,7 @@ from torch_activegp.diagnosis.inputs.source import Source
 from torch_activegp.diagnosis.simulation.candidate import Candidate
 from torch_activegp.diagnosis.simulation.correction import Form
 from torch_activegp.diagnosis.simulation.engine import Engine
+from torch_activegp.diagnosis.simulation.explicit_damping import explicit
 from torch_activegp.errors import ConfigurationError, SimulationError
 from torch_activegp.physics.friction import sticking
 from torch_activegp.simulators import MujocoSimulator, Simulator
@@ -157,7 +158,8 @@ def corrected_simulator(
     """
     model = source.model
     dt = float(model.opt.timestep) * source.frame_skip
-    integrator, step, firm = numerics or Form(int(model.opt.integrator), float(model.opt.timestep))
+    form = numerics or Form(int(model.opt.integrator), float(model.opt.timestep))
+    step, integrator = form.step, form.integrator
     substeps = max(math.ceil(dt / step - 1e-6), 1)
     if xml is not None:
         try:
@@ -168,7 +170,8 @@ def corrected_simulator(
             _logger.debug("the corrected text does not compile alone")
     if model.na:
         return None
-    model = sticking(model, dt / substeps) if firm else model
+    model = sticking(model, dt / substeps) if form.firm else model
+    model = explicit(model) if form.explicit else model
     return EffectSimulator(model, channels, candidate, dt=dt, substeps=substeps, integrator=integrator)
 
 
