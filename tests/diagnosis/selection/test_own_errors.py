@@ -61,3 +61,25 @@ def test_what_fails_or_is_far_behind_stays_as_it_is_and_so_does_what_needs_no_co
     assert by_their_own_errors(working, precise.engine, selection) is working
     assert asked == [wet]
     assert selection.fits == before
+
+
+@pytest.mark.parametrize(("lost", "kept"), [("viscous_friction", True), ("quadratic_drag", False)])
+def test_a_set_that_is_lost_by_its_own_correction_stays_and_all_do_where_it_is_the_best(
+    bench, forms, monkeypatch, lost: str, kept: bool
+) -> None:
+    """States behind an impact are not found again."""
+    monkeypatch.setattr(module, "_NEAR", 1.0)
+    precise, cheap = forms
+    wet, drag = bench.fit("viscous_friction", 0.06), bench.fit("quadratic_drag", 0.01)
+    drag = dataclasses.replace(drag, chi2=1.1 * wet.chi2)
+    selection = Selection(bench.nominal, [bench.nominal, wet, drag], Score(precise.samples, 10, 1.0))
+    working = cheap.corrected(precise.engine, wet)
+
+    def fit_again(shooting, _, fit):
+        times = 2.1 if fit.effects[0].name == lost else 0.9
+        return working, dataclasses.replace(fit, chi2=times * fit.chi2)
+
+    monkeypatch.setattr(module, "settled", fit_again)
+    by_their_own_errors(working, precise.engine, selection)
+    assert (wet in selection.fits) is kept
+    assert drag in selection.fits

@@ -194,6 +194,7 @@ def be_fair(selection: Selection, shooting: Shooting) -> None:
     bare = next((fit for fit in again if not fit.effects), nominal)
     if bare.chi2 < nominal.chi2:
         selection.nominal, selection.fits = bare, [bare if fit is nominal else fit for fit in selection.fits]
+        selection.forget_parts()
     if again:
         selection.rescale(shooting.dof)
 

@@ -14,7 +14,7 @@ from torch_activegp.diagnosis.selection.proposals import Set
 from torch_activegp.diagnosis.shooting.chaining import stands_out
 from torch_activegp.diagnosis.shooting.fit import Fit
 from torch_activegp.diagnosis.shooting.likelihood import Shooting
-from torch_activegp.diagnosis.shooting.race import Race
+from torch_activegp.diagnosis.shooting.race import RACERS, Race, reach
 from torch_activegp.diagnosis.shooting.score import Score
 from torch_activegp.physics.effect import Effect
 
@@ -28,9 +28,6 @@ _CLEAR = 100.0
 """What a set must gain on all data is to be as much on the part: far above the noise of a gain."""
 _LENIENT = 0.3
 """And so much of it is enough there: effects act more in some segments than in others."""
-_FIRST, _CLOSE, _NEAR = 3, 60.0, 0.1
-"""So many sets pass in any case, and those that are behind the best by less chi2, or by less of what the best gains."""
-
 _ROUNDS = 20
 """Of the fits to segments in which something may strike."""
 
@@ -154,8 +151,8 @@ def near(
     first: dict[frozenset[Effect], float] = {}
     for trial, bar in ended:
         first.setdefault(frozenset(trial.effects), trial.chi2 - bar)
-    best = list(first.values())[:_FIRST]
-    close = max(best[0] + max(_CLOSE, _NEAR * (here.chi2 - best[0])), best[-1]) if best else 0.0
+    best = list(first.values())[:RACERS]
+    close = max(reach(best[0], here.chi2), best[-1]) if best else 0.0
     passed: list[Fit] = []
     for trial, bar in ended:
         if trial.chi2 - bar < here.chi2 and trial.chi2 - bar <= close and not any(_same(trial, old) for old in passed):

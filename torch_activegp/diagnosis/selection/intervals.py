@@ -149,11 +149,11 @@ def estimates(shooting: Shooting, fit: Fit, effect: Effect) -> dict[str, Estimat
     wide = _t(_free(shooting, fit))
     errors = standard_errors(shooting, fit, effect, widened=True)
     center = effect.describe(fit.values[fit.effects.index(effect)])
-    out = {}
+    scales, out = {parameter.name: parameter.scale for parameter in effect.parameters}, {}
     for i, (name, value) in enumerate(center.items()):
         half = wide * errors[name]
         if not 0.0 < half < np.inf:  # nothing that was recorded depends on it
-            half = _UNSEEN * max(abs(value), effect.parameters[min(i, len(effect.parameters) - 1)].scale)
+            half = _UNSEEN * max(abs(value), scales.get(name, effect.parameters[0].scale))
         out[name] = Estimate(value, _unit(effect, name, i), _interval(value, half, name in effect.never_negative))
     return out
 

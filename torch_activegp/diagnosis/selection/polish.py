@@ -47,6 +47,7 @@ def polish(shooting: Shooting, selection: Selection, effects: Sequence[Effect]) 
         gained = best.chi2 - again.chi2 if again.plausible else 0.0
         if again.plausible and gained > -_SETTLED:  # also where it gains nothing: its derivatives say how sure it is
             selection.fits = [again if fit is best else fit for fit in selection.fits]
+            selection.forget_parts()
             best = again
         lost = best.chi2 > NOISE_ALONE * shooting.dof
         if selection.cut_short and lost:  # nothing on the list explains what is missing: rivals would not, either

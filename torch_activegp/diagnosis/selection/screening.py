@@ -18,7 +18,16 @@ from torch_activegp.diagnosis.selection.sensitivities import (
     unit_values,
     units_of,
 )
-from torch_activegp.diagnosis.shooting.elimination import UNSEEN, eliminate, gained_by, invert, project, scaled, wald
+from torch_activegp.diagnosis.shooting.elimination import (
+    SAME_DIRECTION,
+    UNSEEN,
+    eliminate,
+    gained_by,
+    invert,
+    project,
+    scaled,
+    wald,
+)
 from torch_activegp.diagnosis.shooting.fit import Fit
 from torch_activegp.diagnosis.shooting.likelihood import Shooting
 from torch_activegp.diagnosis.shooting.linearize import Linearization, linearize
@@ -90,7 +99,7 @@ class Screen:
         index = _columns_of(atoms)
         matrix, scale = scaled(self.normal[np.ix_(index, index)])
         value, vector = np.linalg.eigh(matrix)
-        root = np.sqrt(np.where(value > UNSEEN, value, np.inf))
+        root = np.sqrt(np.where(value > SAME_DIRECTION, value, np.inf))
         design = np.where(np.isfinite(root), root, 0.0)[:, None] * vector.T * scale
         wanted = vector.T @ (self.gradient[index] / scale) / root
         ends = np.concatenate([_amplitude_bounds(atom) for atom in atoms], axis=1)
@@ -224,7 +233,7 @@ def _amplitude_bounds(atom: Atom) -> Array:
     """Least and largest amplitudes in units of its columns, ``(2, n)``."""
     effect, count = atom.effect, atom.columns.stop - atom.columns.start
     if not effect.linear:
-        return np.array([[-np.inf], [np.inf]])
+        return np.array([[0.0], [np.inf]])
     ends = np.array([[p.low, p.high] for p in effect.parameters[:count]]).T / units_of(effect, atom.seed)
     return np.sort(ends, axis=0) + np.array([[-_ROOM], [_ROOM]])
 

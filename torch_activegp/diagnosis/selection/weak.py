@@ -6,7 +6,8 @@ import dataclasses
 from collections.abc import Callable, Sequence
 
 from torch_activegp.diagnosis.selection.compared import Selection
-from torch_activegp.diagnosis.selection.judge import DOUBT, SURE, Omnibus, omnibus
+from torch_activegp.diagnosis.selection.judge import DOUBT, SURE
+from torch_activegp.diagnosis.selection.omnibus import Omnibus, omnibus
 from torch_activegp.diagnosis.selection.search import Depth, search
 from torch_activegp.diagnosis.shooting.chaining import chained
 from torch_activegp.diagnosis.shooting.fit import Fit
@@ -64,6 +65,7 @@ def also_weak(
         return selection
     tell("testing what is weak")
     _unstuck(shooting, selection)
+    score = selection.score
     weak = dataclasses.replace(selection, fits=list(selection.fits), developed=set())
     some = max(_OF_THE_NOISE * shooting.dof, _SURELY)
     weak.score = dataclasses.replace(score, material=min(_MATERIAL, some / score.mismatch))
@@ -84,6 +86,7 @@ def _unstuck(shooting: Shooting, selection: Selection) -> None:
     again = chained(shooting, shooting.fit([(best.effects, best.values)], best.starts, near=best)[0])
     if again.chi2 < best.chi2:
         selection.add([again])
+        selection.rescale(shooting.dof)
 
 
 def _with_better(selection: Selection, fits: Sequence[Fit], dof: int) -> Selection:

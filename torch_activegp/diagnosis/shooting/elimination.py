@@ -11,7 +11,7 @@ from torch_activegp.diagnosis.inputs.runs import Array
 
 UNSEEN = 1e-9
 """What changes chi2 by less is rounding errors."""
-_SAME = 1e-6
+SAME_DIRECTION = 1e-6
 """Of the largest eigenvalue about: a direction in which columns differ by less is none."""
 
 
@@ -167,15 +167,17 @@ def eliminate(design: Array, columns: Array, residual: Array) -> Eliminated:
 
 def project(states: Array, columns: Array, residual: Array) -> tuple[Array, Array]:
     """Normal equations of the columns after the free states are projected out."""
-    linear = eliminate(states, columns, residual)
-    return linear.normal.sum(0), linear.gradient.sum(0)
+    basis, _ = np.linalg.qr(states[..., states.any(axis=(0, 1))])
+    free = (columns - basis @ (basis.transpose(0, 2, 1) @ columns)).reshape(residual.size, columns.shape[-1])
+    left = residual - np.einsum("smn,sn->sm", basis, np.einsum("smn,sm->sn", basis, residual))
+    return free.T @ free, free.T @ left.ravel()
 
 
 def gained_by(normal: Array, gradient: Array) -> tuple[float, Array]:
     """Decrease of chi2 by some columns and their amplitudes; directions that nothing can see give none."""
     matrix, scale = scaled(normal)
     value, vector = np.linalg.eigh(matrix)
-    seen = value > _SAME
+    seen = value > SAME_DIRECTION
     projected = vector.T @ (gradient / scale)
     weights = np.where(seen, projected / np.where(seen, value, 1.0), 0.0)
     return float(projected @ weights), (vector @ weights) / scale

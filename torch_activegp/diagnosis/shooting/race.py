@@ -12,7 +12,16 @@ from torch_activegp.diagnosis.shooting.gauss_newton import Problem
 from torch_activegp.diagnosis.shooting.score import Score
 from torch_activegp.physics.effect import Effect
 
-_RACERS = 3
+RACERS = 3
+"""Sets that go on in any case."""
+_CLOSE, _NEAR, _TIMES = 60.0, 0.1, 4.0
+"""Chi2 by which a set may be behind the best one and go on: so much, or a part of what lies between the best and the
+worst, but no more than so many times what the best one leaves."""
+
+
+def reach(best: float, worst: float) -> float:
+    """The chi2 up to which sets go on in a race whose best one leaves the first, and the worst the second."""
+    return best + max(_CLOSE, min(_NEAR * (worst - best), _TIMES * best))
 
 
 @dataclasses.dataclass(frozen=True)
@@ -49,8 +58,8 @@ class Race:
         best, worst = first[0], max(every[np.isfinite(every)], default=np.inf)
         for problem in problems:
             among = (first, np.sort(each[frozenset(problem.effects)]))
-            behind = np.isfinite(problem.chi2) and max(np.searchsorted(some, problem.chi2) for some in among) >= _RACERS
-            far = np.isfinite(best) and problem.chi2 > best + max(60.0, min(0.1 * (worst - best), 4.0 * best))
+            behind = np.isfinite(problem.chi2) and max(np.searchsorted(some, problem.chi2) for some in among) >= RACERS
+            far = np.isfinite(best) and problem.chi2 > reach(best, worst)
             if behind and far and (problem.resting is not None or not (only_misled or problem.waits)):
                 problem.finished = True
         if not only_misled:
