@@ -8,7 +8,7 @@ from scipy.signal import butter, filtfilt, lfilter
 
 from torch_activegp.diagnosis.noise.model import NoiseModel, colour_scale, high_differences
 from torch_activegp.diagnosis.preparation.noise_left import by_segment, noise_behind, raised, recoloured, rises
-from torch_activegp.diagnosis.selection.judge import omnibus
+from torch_activegp.diagnosis.selection.omnibus import omnibus
 from torch_activegp.diagnosis.simulation.candidate import NOMINAL
 
 

@@ -7,28 +7,15 @@ import pytest
 
 from torch_activegp.diagnosis.noise.model import NoiseModel
 from torch_activegp.diagnosis.selection import judge as module
+from torch_activegp.diagnosis.selection.adequacy import SEEN
 from torch_activegp.diagnosis.selection.compared import Selection
-from torch_activegp.diagnosis.selection.judge import (
-    SEEN,
-    _split,
-    judge,
-    omnibus,
-)
+from torch_activegp.diagnosis.selection.judge import _split, judge
+from torch_activegp.diagnosis.selection.omnibus import omnibus
 from torch_activegp.diagnosis.shooting.score import Score
 
 
 def selection(bench, *fits, names: int = 20) -> Selection:
     return Selection(bench.nominal, [bench.nominal, *fits], Score(bench.shooting.samples, names, 1.0))
-
-
-def test_a_free_force_explains_what_is_missing_and_no_noise(bench, clean) -> None:
-    missing, noise = omnibus(bench.shooting, bench.nominal), omnibus(clean.shooting, clean.nominal)
-    assert missing.p_value < 1e-12
-    assert missing.excess == pytest.approx(bench.nominal.chi2 - bench.shooting.dof, rel=0.15)
-    assert noise.p_value > 0.001
-    assert noise.excess < 40
-    fitted = omnibus(bench.shooting, bench.fit("viscous_friction", 0.05))
-    assert fitted.p_value > 0.001
 
 
 def test_noise_alone_is_none(clean) -> None:
@@ -81,6 +68,37 @@ def test_a_name_must_score_better_than_none_by_far(bench, gained: float, verdict
     assert judged.rivals[0][0] is weak
 
 
+@pytest.mark.parametrize(("gained", "names"), [(49.0, 1), (51.0, 2), (None, 2)])
+def test_each_of_several_names_is_needed_by_far(bench, monkeypatch, gained, names: int) -> None:
+    """Where the set without it was fitted; what is not needed is fitted along."""
+    monkeypatch.setattr(module, "is_certain", lambda *_, **__: True)
+    monkeypatch.setattr(module, "_split", lambda *_: (effects, ()))
+    monkeypatch.setattr(module, "_shares", lambda shooting, selection, named, _: (tuple(named), (0.9, 0.1)))
+    effects, one = (
+        (bench.effect("viscous_friction"), bench.effect("quadratic_drag")),
+        bench.fit("viscous_friction", 0.05),
+    )
+    both = bench.shooting.fit([(effects, (one.values[0], np.array([0.01])))], one.starts, hold=True)[0]
+    chosen = selection(bench, both)
+    rest = dataclasses.replace(one, chi2=both.chi2 + (gained or 0.0) * chosen.score.scale)
+    other = dataclasses.replace(both, effects=effects[1:], values=both.values[1:], chi2=1e9)
+    if gained is not None:
+        chosen.add([rest, other])
+    judged = judge(bench.shooting, chosen)
+    assert judged.named == effects[:names]
+    assert judged.retuned == effects[names:]
+
+
+def test_what_other_time_steps_do_without_is_no_name(bench) -> None:
+    effects = (bench.effect("viscous_friction"), bench.effect("quadratic_drag"))
+    one = bench.fit("viscous_friction", 0.05)
+    chosen = selection(bench, one)
+    chosen.of_a_step = frozenset(effects[1:])
+    assert judge(bench.shooting, chosen).named == one.effects
+    chosen.of_a_step = frozenset(effects[:1])
+    assert judge(bench.shooting, chosen).named == one.effects  # for nothing else is
+
+
 def test_sets_that_score_alike_are_a_tie(bench) -> None:
     fit = bench.fit("viscous_friction", 0.05)
     twin = dataclasses.replace(fit, effects=(bench.effect("quadratic_drag"),), chi2=fit.chi2 + 3.0)
@@ -116,10 +134,10 @@ def test_as_many_names_as_are_tried_must_explain_nearly_all(bench, monkeypatch) 
     assert judged.verdict == "named"
     assert 0.04 < judged.unexplained < 0.15
     for most, left in ((1, 0.04), (0, 1.0)):
-        monkeypatch.setattr("torch_activegp.diagnosis.selection.judge.MAX_EFFECTS", most)
-        monkeypatch.setattr("torch_activegp.diagnosis.selection.judge.CROWDED", left)
+        monkeypatch.setattr("torch_activegp.diagnosis.selection.adequacy.MAX_EFFECTS", most)
+        monkeypatch.setattr("torch_activegp.diagnosis.selection.adequacy.CROWDED", left)
         assert judge(bench.shooting, selection(bench, half)).verdict == "unknown"
-    monkeypatch.setattr("torch_activegp.diagnosis.selection.judge.OVERCROWDED", 0.15)
+    monkeypatch.setattr("torch_activegp.diagnosis.selection.adequacy.OVERCROWDED", 0.15)
     assert judge(bench.shooting, selection(bench, half)).verdict == "named"
 
 
@@ -127,7 +145,7 @@ def test_as_many_names_as_are_tried_must_explain_nearly_all(bench, monkeypatch) 
 def test_many_names_that_explain_little_of_a_small_mismatch_are_nothing(bench, monkeypatch, damping, verdict) -> None:
     effect = bench.effect("viscous_friction")
     some = bench.shooting.fit([((effect,), (np.array([damping]),))], bench.nominal.starts, hold=True)[0]
-    monkeypatch.setattr("torch_activegp.diagnosis.selection.judge.MAX_EFFECTS", 1)
+    monkeypatch.setattr("torch_activegp.diagnosis.selection.adequacy.MAX_EFFECTS", 1)
     monkeypatch.setattr("torch_activegp.diagnosis.selection.judge.VISIBLE", 1e3)
     judged = judge(bench.shooting, selection(bench, some))
     assert judged.verdict == verdict
@@ -155,7 +173,7 @@ def test_less_may_be_left_where_it_is_large_against_the_noise(bench, monkeypatch
     effect = bench.effect("viscous_friction")
     most = bench.shooting.fit([((effect,), (np.array([0.045]),))], bench.nominal.starts, hold=True)[0]
     assert 0.053 < SEEN < 0.065  # the most that right names left, and the least that wrong ones did
-    monkeypatch.setattr("torch_activegp.diagnosis.selection.judge.SEEN", 0.04)
+    monkeypatch.setattr("torch_activegp.diagnosis.selection.adequacy.SEEN", 0.04)
     chosen = selection(bench, most)
     before = omnibus(bench.shooting, chosen.nominal)
     after = omnibus(bench.shooting, most)
@@ -170,8 +188,8 @@ def test_less_may_be_left_where_it_is_large_against_the_noise(bench, monkeypatch
 def test_less_may_be_left_behind_many_names(bench, monkeypatch, many: int, verdict: str) -> None:
     effect = bench.effect("viscous_friction")
     most = bench.shooting.fit([((effect,), (np.array([0.045]),))], bench.nominal.starts, hold=True)[0]
-    monkeypatch.setattr("torch_activegp.diagnosis.selection.judge.MANY", many)
-    monkeypatch.setattr("torch_activegp.diagnosis.selection.judge.SEEN", 0.15)
+    monkeypatch.setattr("torch_activegp.diagnosis.selection.adequacy.MANY", many)
+    monkeypatch.setattr("torch_activegp.diagnosis.selection.adequacy.SEEN", 0.15)
     monkeypatch.setattr("torch_activegp.diagnosis.selection.judge.VISIBLE", 1e-3)
     judged = judge(bench.shooting, selection(bench, most))
     assert 0.04 < judged.unexplained < 0.15
@@ -186,9 +204,9 @@ def test_less_may_be_left_where_it_is_many_times_the_noise(bench, monkeypatch, r
     effect = bench.effect("viscous_friction")
     most = bench.shooting.fit([((effect,), (np.array([0.045]),))], bench.nominal.starts, hold=True)[0]
     for name, value in (("SEEN", 0.15), ("CLEAR", np.inf), ("LOUD", np.inf)):
-        monkeypatch.setattr(f"torch_activegp.diagnosis.selection.judge.{name}", value)
+        monkeypatch.setattr(f"torch_activegp.diagnosis.selection.adequacy.{name}", value)
     for name, value in zip(rule, (above * most.chi2 / bench.shooting.dof, least), strict=True):
-        monkeypatch.setattr(f"torch_activegp.diagnosis.selection.judge.{name}", value)
+        monkeypatch.setattr(f"torch_activegp.diagnosis.selection.adequacy.{name}", value)
     judged = judge(bench.shooting, selection(bench, most))
     assert 0.04 < judged.unexplained < 0.15
     assert judged.verdict == verdict
@@ -199,7 +217,7 @@ def test_less_may_be_left_by_a_search_that_was_cut_short(bench, monkeypatch, cut
     """Also where what is left would not be seen otherwise."""
     effect = bench.effect("viscous_friction")
     most = bench.shooting.fit([((effect,), (np.array([0.045]),))], bench.nominal.starts, hold=True)[0]
-    monkeypatch.setattr("torch_activegp.diagnosis.selection.judge.SEEN", 0.15)
+    monkeypatch.setattr("torch_activegp.diagnosis.selection.adequacy.SEEN", 0.15)
     chosen = dataclasses.replace(selection(bench, most), cut_short=cut_short)
     judged = judge(bench.shooting, chosen)
     assert 0.04 < judged.unexplained < 0.15
@@ -214,10 +232,10 @@ def test_less_may_be_left_behind_many_corrections_of_a_tuning(bench, monkeypatch
     effect = bench.effect("viscous_friction")
     most = bench.shooting.fit([((effect,), (np.array([0.045]),))], bench.nominal.starts, hold=True)[0]
     for name, value in (("SEEN", 0.15), ("CLEAR", np.inf), ("LOUD", np.inf)):
-        monkeypatch.setattr(f"torch_activegp.diagnosis.selection.judge.{name}", value)
+        monkeypatch.setattr(f"torch_activegp.diagnosis.selection.adequacy.{name}", value)
     tuned = (bench.effect("constant_force"),) * corrections
     part = omnibus(bench.shooting, most).excess / bench.shooting.dof
-    monkeypatch.setattr("torch_activegp.diagnosis.selection.judge.A_LITTLE", little * part)
+    monkeypatch.setattr("torch_activegp.diagnosis.selection.adequacy.A_LITTLE", little * part)
     monkeypatch.setattr("torch_activegp.diagnosis.selection.judge._split", lambda *_: ([effect], tuned))
     judged = judge(bench.shooting, selection(bench, most))
     assert 0.04 < judged.unexplained < 0.15
@@ -294,11 +312,11 @@ def test_a_mass_that_is_too_much_beside_a_tuning_was_tuned(bench, monkeypatch, d
 
 @pytest.mark.parametrize(("part", "verdict"), [(0.9, "unknown"), (1.1, "named")])
 def test_as_many_names_as_are_tried_may_leave_a_little_noise(bench, monkeypatch, part, verdict) -> None:
-    monkeypatch.setattr("torch_activegp.diagnosis.selection.judge.MAX_EFFECTS", 1)
+    monkeypatch.setattr("torch_activegp.diagnosis.selection.adequacy.MAX_EFFECTS", 1)
     some = (bench.effect("viscous_friction"),), (np.array([0.045]),)
     (close,) = bench.shooting.fit([some], bench.nominal.starts, hold=True)
     left = omnibus(bench.shooting, close).excess / bench.shooting.dof
-    monkeypatch.setattr("torch_activegp.diagnosis.selection.judge.SOME_NOISE", part * left)
+    monkeypatch.setattr("torch_activegp.diagnosis.selection.adequacy.SOME_NOISE", part * left)
     judged = judge(bench.shooting, selection(bench, close))
     assert 0.04 < judged.unexplained < 0.15
     assert judged.verdict == verdict
@@ -311,7 +329,7 @@ def test_what_may_be_nothing_is_not_named_and_counts_among_those_that_leave_too_
     effects = (bench.effect("viscous_friction"), bench.effect("constant_force"))
     some = bench.shooting.fit([(effects, (np.array([0.045]), np.array([0.0])))], bench.nominal.starts, hold=True)[0]
     monkeypatch.setattr("torch_activegp.diagnosis.selection.judge.LEAST_SHARE", -1.0)
-    monkeypatch.setattr("torch_activegp.diagnosis.selection.judge.MAX_EFFECTS", names)
+    monkeypatch.setattr("torch_activegp.diagnosis.selection.adequacy.MAX_EFFECTS", names)
     monkeypatch.setattr(
         "torch_activegp.diagnosis.selection.judge.is_certain", lambda *args, **_: effects[0] in args[-1]
     )

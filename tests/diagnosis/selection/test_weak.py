@@ -8,7 +8,8 @@ import pytest
 from torch_activegp.diagnosis.noise.model import NoiseModel
 from torch_activegp.diagnosis.selection import weak
 from torch_activegp.diagnosis.selection.compared import Selection
-from torch_activegp.diagnosis.selection.judge import Omnibus, judge
+from torch_activegp.diagnosis.selection.judge import judge
+from torch_activegp.diagnosis.selection.omnibus import Omnibus
 from torch_activegp.diagnosis.selection.search import select
 from torch_activegp.diagnosis.selection.weak import also_weak
 from torch_activegp.diagnosis.shooting.likelihood import Shooting

@@ -16,7 +16,8 @@ from torch_activegp.diagnosis.preparation.lengths import PAD
 from torch_activegp.diagnosis.preparation.telling import CREEPS
 from torch_activegp.diagnosis.selection.compared import Selection
 from torch_activegp.diagnosis.selection.explain import Explanation
-from torch_activegp.diagnosis.selection.judge import SURE, least_visible, omnibus
+from torch_activegp.diagnosis.selection.judge import SURE, least_visible
+from torch_activegp.diagnosis.selection.omnibus import omnibus
 from torch_activegp.diagnosis.shooting.likelihood import Shooting
 from torch_activegp.diagnosis.shooting.point import FAILED
 

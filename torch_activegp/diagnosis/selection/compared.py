@@ -52,7 +52,7 @@ class Selection:
 
     Args:
         nominal: the fit without effects.
-        fits: all fits by their effects.
+        fits: all fits, several of some sets among them.
         score: how they compare.
         cut_short: whether sets that could still have become the best were not developed.
         beside: the set from whose initial states smaller ones were fitted last.
@@ -63,6 +63,7 @@ class Selection:
         tunable: all effects that a modeller may have tuned.
         tunable_gains: what each of these gains on top of the nominal, and all together, to first order; None until
             they are asked for.
+        of_a_step: effects of the best set that other time steps do without; see :mod:`.finer_steps`.
     """
 
     nominal: Fit
@@ -76,6 +77,7 @@ class Selection:
     swapped: frozenset[Effect] = frozenset()
     tunable: tuple[Effect, ...] = ()
     tunable_gains: tuple[dict[Effect, float], float] | None = None
+    of_a_step: frozenset[Effect] = frozenset()
 
     @property
     def best(self) -> Fit:
@@ -92,6 +94,10 @@ class Selection:
         sound = [fit for fit in fits if np.isfinite(fit.chi2)]
         self.fits += sound
         return sound
+
+    def forget_parts(self) -> None:
+        """Forgets what was fitted beside the sets, and gains on top of the nominal: these or the likelihood changed."""
+        self.parts, self.tunable_gains = {}, None
 
     def lighten(self) -> None:
         """Forgets derivatives of all fits but the nominal and the best few: large arrays, of use to develop a set."""

@@ -10,16 +10,24 @@ import numpy as np
 from scipy import stats
 
 from torch_activegp.diagnosis.preparation.noise_left import recoloured, rises
+from torch_activegp.diagnosis.selection.adequacy import INADEQUATE, MANY, is_crowded, most_left
 from torch_activegp.diagnosis.selection.behind_noise import BEHIND_COLOUR, least_gain
 from torch_activegp.diagnosis.selection.compared import Selection, fitted
-from torch_activegp.diagnosis.selection.free_force import free_force_columns
 from torch_activegp.diagnosis.selection.intervals import is_certain
+from torch_activegp.diagnosis.selection.omnibus import Omnibus, omnibus
 from torch_activegp.diagnosis.selection.own_limits import is_own_limit
 from torch_activegp.diagnosis.selection.prospects import MAX_EFFECTS
 from torch_activegp.diagnosis.selection.standing_out import comes_and_goes, stands_out
-from torch_activegp.diagnosis.selection.ties import as_part, is_one_way, swapped, ties_of, told_apart_by, unnamed
+from torch_activegp.diagnosis.selection.ties import (
+    Rivals,
+    as_part,
+    is_one_way,
+    swapped,
+    ties_of,
+    told_apart_by,
+    unnamed,
+)
 from torch_activegp.diagnosis.selection.tuning import is_a_tuning
-from torch_activegp.diagnosis.shooting.elimination import eliminate, scaled
 from torch_activegp.diagnosis.shooting.fit import Fit
 from torch_activegp.diagnosis.shooting.likelihood import Shooting
 from torch_activegp.diagnosis.shooting.score import TIE
@@ -28,35 +36,6 @@ from torch_activegp.physics.effect import Effect
 LEAST_SHARE = 0.002
 """What explains less of the mismatch stays in the correction and is not named, unless it is much of what is left; never
 behind a tuning, a part of which it may undo: a rod's mass, tuned 0.1 % too high, was an armature of 0.0004."""
-INADEQUATE = 0.15
-"""A set that leaves more of the mismatch than this does not explain it."""
-SEEN = 0.06
-"""The same where what is left is large against the noise too. One or two right names leave up to 0.053, and a name that
-stands for what is not on the list 0.065."""
-MANY, SEEN_BEHIND_MANY = 3, 0.03
-"""The same behind so many names: together they imitate much that is not on the list. Right ones left up to 0.01."""
-CLEAR, SEEN_CLEARLY = 1.6, 0.02
-"""The same where it is so many times the noise. Right names left 1.5 of it at most, and 2.3 under a filter that no
-spectrum showed, with 0.011 of the mismatch; a spring and a friction that stood for creep 1.9 with 0.022."""
-LOUD, SEEN_LOUD = 5.0, 0.01
-"""The same where it is so many times the noise. A real drive's right names left 0.001; what left more were a stop where
-nothing was missing, and a load of 40 times the machine for a motor that was wired the other way round."""
-CORRECTIONS, SEEN_BEHIND_CORRECTIONS = 5, 0.015
-"""And behind so many corrections of a tuning, whatever is left: right names left 0.011 at most on 20 cases, a centre of
-mass that stood for a coupling of two joints 0.021."""
-A_LITTLE = 0.05
-"""Unless it is no more of the noise: a right encoder's offset beside eight corrections left 0.04 of coloured noise,
-which was 0.05 of a mismatch of 0.7."""
-CROWDED = 0.04
-"""The same where as many names as are tried leave it."""
-OVERCROWDED = 0.001
-"""The same where there are more names: those of a nominal that was tuned badly leave next to nothing."""
-SOME_NOISE = 0.1
-"""And what they leave is so large a part of the noise: four right names behind filtered noise left 0.05 of it, 6 % of a
-mismatch of 0.8."""
-SEEN_IN_VAIN = 0.03
-"""The same where the search was cut short: after so much of it, nothing on the list leaves noise alone. A friction that
-grows with the load left 0.09 behind Stribeck friction and a spring, at 50 Hz."""
 LITTLE = 0.5
 """A set that surely leaves more of a mismatch too small to be seen explains none: right ones left 0.06 of it, and 0.39
 that may be noise; a stop and a cogging that stood for a pocket of negative damping 0.71."""
@@ -64,6 +43,10 @@ VERY_STRONG = 10.0
 """Score, with what any name at all must gain taken off, by which names must be better than none: very strong evidence
 (Kass & Raftery 1995, Bayes factors, section 3.2). Rounding to a coarse encoder's steps gained a cogging 2.5; right
 names gained 31 at least in 800 cases, but for a weak saturation with 12.7."""
+NEEDED = 50.0
+"""Chi2, in units of the noise that is left, that each of several names must take away. On 200 cases right ones took 75
+at least beside others; a cogging behind a stop 34, and so did a push, a spring and another gravity in its place, a
+damping that was 0.03 % too large 28."""
 SURE = 1e-5
 DOUBT, _MAYBE = 0.01, 0.1
 VISIBLE = 0.3
@@ -80,40 +63,6 @@ VISIBLE_WHEN_SLOW = 12.0
 """The same for recordings below 30 Hz, as from video: their differences hardly show slow errors of the recorder."""
 
 
-_Compared = tuple[tuple[Fit, float, float], ...]
-
-
-@dataclasses.dataclass(frozen=True)
-class Omnibus:
-    """Is anything left that a force free in time would explain?
-
-    Args:
-        excess: decrease of chi2 beyond what noise gives, never negative.
-        p_value: of the F test.
-    """
-
-    excess: float
-    p_value: float
-
-
-def omnibus(shooting: Shooting, fit: Fit) -> Omnibus:
-    """F test of a free force in bins of 0.2 s against none, on top of a fit."""
-    residual, states, forces = free_force_columns(shooting, fit, seconds=0.2)
-    clean = np.nan_to_num(shooting.noise.whiten(shooting.segments, residual))
-    linear = eliminate(shooting.whiten_columns(states), shooting.whiten_columns(forces), clean)
-    gain, count = 0.0, 0
-    for normal, gradient in zip(linear.normal, linear.gradient, strict=True):
-        matrix, scale = scaled(normal)
-        value, vector = np.linalg.eigh(matrix)
-        seen = value > 1e-8
-        gain += float((((vector.T @ (gradient / scale)) ** 2)[seen] / value[seen]).sum())
-        count += int(seen.sum())
-    left = float((clean**2).sum()) - float((np.einsum("smn,sm->sn", linear.basis, clean) ** 2).sum()) - gain
-    dof = max(shooting.dof - count, 1)
-    ratio = (gain / max(count, 1)) / max(left / dof, 1e-300)
-    return Omnibus(max(gain - count * left / dof, 0.0), float(stats.f.sf(ratio, max(count, 1), dof)))
-
-
 @dataclasses.dataclass(frozen=True)
 class Judgement:
     """The verdict with its reasons.
@@ -126,7 +75,7 @@ class Judgement:
         probabilities: of each.
         ties: of each, (name, target) pairs.
         retuned: effects of the set that are not named: they undo a tuning of the nominal, explain next to nothing,
-            may be nothing at all, or are a limit that the model has.
+            may be nothing at all, gain too little, or are a limit or a time step that the model has.
         unexplained: part of the mismatch that is left.
         white: whether what is left is noise.
         p_value: that there is no mismatch: the smaller one of two tests, of a force free in time and of the best set
@@ -145,7 +94,7 @@ class Judgement:
     unexplained: float
     white: bool
     p_value: float
-    rivals: _Compared
+    rivals: Rivals
 
 
 def judge(shooting: Shooting, selection: Selection) -> Judgement:
@@ -178,7 +127,9 @@ def judge(shooting: Shooting, selection: Selection) -> Judgement:
         return _nameless(shooting, nominal, before, rivals)  # other initial states gained what it seemed to
     kept = certain or kept[:1]
     model, values = shooting.engine.model, best.by_effect
-    kept = [i for i in kept if not is_own_limit(model, order[i], values)] or kept
+    kept = [i for i in kept if _is_needed(selection, order[i])] or kept
+    own = [order[i] in selection.of_a_step or is_own_limit(model, order[i], values) for i in kept]
+    kept = [i for i, is_own in zip(kept, own, strict=True) if not is_own] or kept
     retuned = (*tuned, *(effect for i, effect in enumerate(order) if i not in kept))
     order, shares = tuple(order[i] for i in kept), tuple(shares[i] for i in kept)
     probabilities = tuple(_probability(rivals, effect) for effect in order)
@@ -189,22 +140,18 @@ def judge(shooting: Shooting, selection: Selection) -> Judgement:
     ties = tuple(tuple(dict.fromkeys([*one, *more])) for one, more in zip(alike, wider, strict=True))
     sets = math.comb(max(score.names, len(best.effects)), len(best.effects))
     p_value = 2.0 * min(before.p_value, float(stats.chi2.sf(gain / score.scale, best.size)) * sets)
-    crowded = count >= MAX_EFFECTS and unexplained > (CROWDED if count == MAX_EFFECTS else OVERCROWDED)
-    crowded = crowded and after.excess > SOME_NOISE * shooting.dof
-    seen = SEEN if count < MANY else SEEN_BEHIND_MANY
-    most = seen if _visible(shooting, best, after) else INADEQUATE
-    bars = (
-        (best.chi2 > CLEAR * shooting.dof, SEEN_CLEARLY),
-        (best.chi2 > LOUD * shooting.dof, SEEN_LOUD),
-        (selection.cut_short, SEEN_IN_VAIN),
-        (len(tuned) >= CORRECTIONS and after.excess > A_LITTLE * shooting.dof, SEEN_BEHIND_CORRECTIONS),
-    )
-    most = min([most, *(share for holds, share in bars if holds)])
+    misfit, missing = best.chi2 / shooting.dof, after.excess / shooting.dof
+    crowded = is_crowded(missing, count, unexplained)
+    whole = (best.chi2 - shooting.dof) / max(nominal.chi2 - shooting.dof, 1e-300)
+    seen = _visible(shooting, best, after)
+    most = most_left(misfit, missing, count, len(tuned), seen, selection.cut_short, whole)
     verdict = "tie" if any(ties) else "named"
     if after.p_value < DOUBT and (unexplained > most or crowded):
         if (crowded and unexplained <= INADEQUATE) or _visible(shooting, nominal, before):
             verdict = "unknown"
-        elif not plain or (unexplained > LITTLE and not white) or gained < least_gain(shooting, best, count < MANY):
+        elif crowded or not plain or (unexplained > LITTLE and not white):
+            return _nameless(shooting, nominal, before, rivals)
+        elif gained < least_gain(shooting, best, count < MANY):
             return _nameless(shooting, nominal, before, rivals)
     elif after.p_value < _MAYBE and unexplained > INADEQUATE and gained < BEHIND_COLOUR:
         return _nameless(shooting, nominal, before, rivals)
@@ -213,7 +160,7 @@ def judge(shooting: Shooting, selection: Selection) -> Judgement:
     )
 
 
-def _nameless(shooting: Shooting, fit: Fit, left: Omnibus, rivals: _Compared) -> Judgement:
+def _nameless(shooting: Shooting, fit: Fit, left: Omnibus, rivals: Rivals) -> Judgement:
     """Without a name: a mismatch that nothing explains, or none."""
     unknown = _visible(shooting, fit, left) or (left.p_value < SURE and _is_somewhere(shooting, fit, left))
     verdict, share = ("unknown", 1.0) if unknown else ("none", 0.0)
@@ -242,7 +189,7 @@ def least_visible(shooting: Shooting) -> float:
     return VISIBLE_WHEN_SLOW if float(np.median(shooting.segments.dt)) > SLOW else max(least, VISIBLE_UNSEEN)
 
 
-def _rivals(selection: Selection) -> _Compared:
+def _rivals(selection: Selection) -> Rivals:
     ranked = selection.ranked()
     scores = np.array([selection.score(fit) for fit in ranked])
     weights = np.exp(-0.5 * (scores - scores.min()))
@@ -251,7 +198,7 @@ def _rivals(selection: Selection) -> _Compared:
 
 
 def _split(
-    shooting: Shooting, selection: Selection, rivals: Sequence[tuple[Fit, float, float]], within: float = TIE
+    shooting: Shooting, selection: Selection, rivals: Rivals, within: float = TIE
 ) -> tuple[list[Effect], tuple[Effect, ...]]:
     """Tells effects from nuisances: what a modeller had tuned on these data gains nothing alone.
 
@@ -294,5 +241,12 @@ def _shares(
     return tuple(order), tuple(shares)
 
 
-def _probability(rivals: Sequence[tuple[Fit, float, float]], effect: Effect) -> float:
+def _is_needed(selection: Selection, effect: Effect) -> bool:
+    """Whether the best set leaves far less than without one of its effects, where that was fitted."""
+    best = selection.best
+    rest = selection.of([other for other in best.effects if other is not effect])
+    return rest is None or rest.chi2 - best.chi2 >= NEEDED * selection.score.scale
+
+
+def _probability(rivals: Rivals, effect: Effect) -> float:
     return float(min(sum(weight for fit, _, weight in rivals if effect.key in fit.keys), 1.0))
