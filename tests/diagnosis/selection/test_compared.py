@@ -5,6 +5,7 @@ import dataclasses
 import numpy as np
 import pytest
 
+from torch_activegp.diagnosis.noise.model import NoiseModel
 from torch_activegp.diagnosis.selection.compared import Effort, Selection, compare, fitted, without_each
 from torch_activegp.diagnosis.shooting.fit import resting
 from torch_activegp.diagnosis.shooting.likelihood import Shooting
@@ -300,6 +301,21 @@ def test_a_part_is_fitted_once_however_often_it_is_asked_for(bench, found) -> No
     assert fitted(bench.shooting, found, whole.effects, both) is once
     assert bench.shooting.work == work
     assert once not in found.fits  # it is no rival
+
+
+def test_parts_of_another_likelihood_are_forgotten(bench, found) -> None:
+    wet, push = bench.effect("viscous_friction"), bench.effect("constant_force")
+    part, both = (wet,), ((wet, push), (np.array([0.05]), np.zeros(1)))
+    fits = [bench.nominal, *bench.shooting.fit([both], bench.nominal.starts)]
+    chosen = dataclasses.replace(found, fits=fits, parts={}, tunable_gains=({}, 0.0))
+    one = fitted(bench.shooting, chosen, part)
+    assert fitted(bench.shooting, chosen, part) is one
+    other = dataclasses.replace(chosen)
+    chosen.forget_parts()
+    assert (chosen.parts, chosen.tunable_gains) == ({}, None)
+    assert other.parts  # those of a copy stay
+    louder = dataclasses.replace(bench.shooting, noise=NoiseModel.white(np.array([0.5 * bench.noise])))
+    assert fitted(louder, chosen, part).chi2 > 2.0 * one.chi2
 
 
 def test_what_a_set_holds_is_at_least_the_nominal(bench, found) -> None:

@@ -86,6 +86,23 @@ def test_of_many_only_the_first_and_what_is_close_to_the_best_pass(bench) -> Non
     assert len(found) == 3
 
 
+@pytest.mark.parametrize(("behind", "passes"), [(50.0, True), (90.0, False)])
+def test_a_fourth_one_passes_where_it_is_close_to_the_best(bench, monkeypatch, behind: float, passes: bool) -> None:
+    part, which = bench.shooting.subset(0.5, bench.nominal.per_segment)
+    names_ = (WET, LOAD, "cubic_spring", "linear_spring")
+    many = [((bench.effect(name),), (np.array([0.01]),)) for name in names_]
+    here = bench.nominal.pick(which)
+    left = (100.0, 101.0, 102.0, 100.0 + behind)
+    told = [
+        dataclasses.replace(here, effects=some[0], values=some[1], chi2=chi2)
+        for some, chi2 in zip(many, left, strict=True)
+    ]
+    monkeypatch.setattr(Shooting, "fit", lambda *_, **__: told)
+    nominal = dataclasses.replace(bench.nominal, per_segment=np.full(len(bench.nominal.per_segment), 150.0))
+    found = names(near(part, which, many, nominal, [0.0] * 4).sets)
+    assert found == list(names_[: 3 + passes])
+
+
 def test_a_set_that_began_from_several_first_guesses_is_one_of_the_first(bench) -> None:
     part, which = bench.shooting.subset(0.5, bench.nominal.per_segment)
     names_ = (WET, LOAD, "cubic_spring", "linear_spring", "quadratic_drag")

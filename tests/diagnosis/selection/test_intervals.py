@@ -88,6 +88,10 @@ def test_what_nothing_depends_on_has_a_finite_interval_that_says_nothing(bench) 
         assert low <= estimate.value <= high
         assert high - low > (0.01 if name == "damping" else 10.0)
     assert estimates(bench.shooting, there, stop)["damping"].ci95[1] < 1.0
+    blind = dataclasses.replace(there, information=np.zeros((3, 3)))
+    position = estimates(bench.shooting, blind, stop)["position"]
+    scale = next(parameter.scale for parameter in stop.parameters if parameter.name == "position")
+    assert position.ci95[1] - position.value == pytest.approx(150.0 * max(abs(position.value), scale))  # its own scale
 
 
 def _recorded(bench, rng, recordings, each, excitement, alike):

@@ -154,6 +154,24 @@ def test_what_would_need_less_than_nothing_gains_nothing_within_bounds(bench, sc
     assert abs(least) < 0.2 * abs(damping.values[0])
 
 
+def test_what_is_late_by_less_than_nothing_gains_nothing_and_bounds_gain_no_more(bench, screened) -> None:
+    late = next(a for a in screened.best() if a.effect.name == "actuator_delay")
+    there = np.arange(late.columns.start, late.columns.stop)
+    wanted = dataclasses.replace(
+        screened, gradient=np.where(np.isin(np.arange(len(screened.gradient)), there), 1.0, 0.0)
+    )
+    assert wanted.possible_gain([late]) == pytest.approx(wanted.joint_gain([late]))
+    assert dataclasses.replace(wanted, gradient=-wanted.gradient).possible_gain([late]) == pytest.approx(0.0, abs=1e-12)
+    push = next(a for a in screened.best() if a.effect.name == "constant_force")
+    spring = next(a for a in screened.best() if a.effect.name == "cubic_spring")
+    index = [push.columns.start, spring.columns.start]
+    normal, gradient = np.eye(len(screened.normal)), np.zeros(len(screened.normal))
+    normal[np.ix_(index, index)] = [[1.0, 1.0 - 1e-8], [1.0 - 1e-8, 1.0]]
+    gradient[index] = 1.0, 1.0 - 1e-4
+    alike = Screen(screened.atoms, normal, gradient)
+    assert alike.possible_gain([push, spring]) <= alike.joint_gain([push, spring]) * (1.0 + 1e-9)
+
+
 def test_gains_on_a_part_are_told_as_on_all_data(screened) -> None:
     twice = screened.times(2.0)
     one, two = screened.best()[:2], twice.best()[:2]

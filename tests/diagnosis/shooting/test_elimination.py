@@ -3,7 +3,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from torch_activegp.diagnosis.shooting.elimination import bounded_step, eliminate, invert
+from torch_activegp.diagnosis.shooting.elimination import bounded_step, eliminate, invert, project
 
 
 def test_the_eliminated_normal_equations_equal_a_dense_least_squares() -> None:
@@ -18,6 +18,17 @@ def test_the_eliminated_normal_equations_equal_a_dense_least_squares() -> None:
     wanted = np.linalg.lstsq(dense, residual.ravel(), rcond=None)[0]
     np.testing.assert_allclose(delta, wanted[10:], atol=1e-10)
     np.testing.assert_allclose(linear.states(delta, np.full(2, 1e6)).ravel(), wanted[:10], atol=1e-7)
+
+
+@pytest.mark.parametrize("count", [3, 0])
+def test_what_is_projected_is_the_sum_over_the_segments(count: int) -> None:
+    rng = np.random.default_rng(1)
+    design, columns, residual = rng.normal(size=(4, 9, 2)), rng.normal(size=(4, 9, count)), rng.normal(size=(4, 9))
+    design[..., 1] *= 0.0
+    normal, gradient = project(design, columns, residual)
+    linear = eliminate(design, columns, residual)
+    np.testing.assert_allclose(normal, linear.normal.sum(0), atol=1e-12)
+    np.testing.assert_allclose(gradient, linear.gradient.sum(0), atol=1e-12)
 
 
 def test_states_that_nothing_sees_stay_where_they_are() -> None:

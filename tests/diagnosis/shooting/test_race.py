@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from torch_activegp.diagnosis.shooting.point import Point
-from torch_activegp.diagnosis.shooting.race import Race
+from torch_activegp.diagnosis.shooting.race import Race, reach
 from torch_activegp.diagnosis.shooting.score import Score
 
 
@@ -16,6 +16,12 @@ class Racer:
         self.effects = (object(),) if effects is None else effects
         self.best = Point(np.concatenate([np.zeros(0), *values]), np.zeros((1, 2)), np.array([chi2]))
         self.finished = self.waits = False
+
+
+@pytest.mark.parametrize(("best", "worst", "most"), [(100.0, 200.0, 160.0), (100.0, 2100.0, 300.0), (50.0, 1e6, 250.0)])
+def test_how_far_behind_goes_on(best: float, worst: float, most: float) -> None:
+    """60 at least, a tenth of what lies between, four times the best at most."""
+    assert reach(best, worst) == pytest.approx(most)
 
 
 def test_those_far_behind_give_up_and_the_best_three_go_on() -> None:
