@@ -42,11 +42,14 @@ def test_every_map_on_the_page_can_be_read_and_flips_what_it_says() -> None:
     for mapping in others:
         ColumnMap.from_mapping(mapping)
     drives = {"u": [1.0, 2.0], "v": [3.0, 4.0], "qfrc.slide": [0.0, 1.0]}
-    raw = pd.DataFrame({"t": [0, 10], "enc1": [0, 1024], "x": [0.0, 1000.0], **drives})
+    encoders = {"enc1": [0, 1024], "enc2": [0, 1000], "x": [0.0, 1000.0]}
+    raw = pd.DataFrame({"t": [0, 10], "trial": ["slow", "slow"], **encoders, **drives})
     table = ColumnMap.from_mapping(first).apply(raw, "raw.csv")
     assert table["time"].tolist() == [0.0, 0.01]
     assert table["qpos.elbow"].tolist() == pytest.approx([0.0, -np.pi / 2])
     assert table["qpos.slide"].tolist() == pytest.approx([0.12, 1.12])
+    assert table["qpos.drum"].tolist() == pytest.approx([0.0, 1.5e-3])
+    assert table["run"].tolist() == ["slow", "slow"]
     assert table["ctrl.motor"].tolist() == [-1.0, -2.0]
     assert table["ctrl.valve"].tolist() == [4.0, 4.0]
     assert table["qfrc.slide"].tolist() == pytest.approx([0.0, 9.81])
