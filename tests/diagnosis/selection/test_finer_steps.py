@@ -10,6 +10,8 @@ from tests.diagnosis.ram import ram
 from torch_activegp.diagnosis.inputs.segments import cut
 from torch_activegp.diagnosis.noise.model import NoiseModel
 from torch_activegp.diagnosis.preparation.numerics import Numerics
+from torch_activegp.diagnosis.preparation.own_forms import likeliest
+from torch_activegp.diagnosis.selection import finer_steps as module
 from torch_activegp.diagnosis.selection.compared import Selection
 from torch_activegp.diagnosis.selection.finer_steps import nameless_in_finer_steps, of_a_step, without_a_step
 from torch_activegp.diagnosis.shooting.likelihood import Shooting
@@ -146,7 +148,7 @@ def test_a_rotor_that_stands_for_explicit_damping_is_no_name(clean, steps: int |
 
 
 @pytest.mark.parametrize("found", [True, False])
-def test_a_damping_that_stands_for_half_a_step_beside_another_name(clean, found: bool) -> None:
+def test_a_damping_that_stands_for_half_a_step_beside_another_name(clean, monkeypatch, found: bool) -> None:
     """Behind a stiff servo, whose controls come early in a simulator of first order; one that is missing stays."""
     servo = '<position name="drive" joint="hip" kp="60" kv="3"/>'
     text = clean.xml.replace('<motor name="drive" joint="hip"/>', servo).replace("RK4", "implicitfast")
@@ -165,10 +167,13 @@ def test_a_damping_that_stands_for_half_a_step_beside_another_name(clean, found:
     nominal = shooting.fit([((), ())], clean.nominal.starts)[0]
     best = shooting.fit([((load, wet), (np.array([0.1]), np.array([-0.01])))], nominal.starts)[0]
     alone = dataclasses.replace(best, effects=(wet,), values=best.values[1:])
+    asked: list[int] = []
+    monkeypatch.setattr(module, "likeliest", lambda *args: asked.append(len(args[2].effects)) or likeliest(*args))
     for some, names in ((best, frozenset([wet]) if found else frozenset()), (alone, frozenset())):
         selection = Selection(nominal, [nominal, some], Score(shooting.samples, 60, 1.0))
         assert selection.best is some
         assert of_a_step(numerics, numerics.fine, shooting, selection) == names
+    assert asked == [1]  # not where nothing else is named
 
 
 def test_names_that_were_found_in_such_steps_stay(leaning, monkeypatch) -> None:

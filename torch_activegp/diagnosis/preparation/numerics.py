@@ -148,8 +148,11 @@ class Numerics(Forms):
         close = _ABOUT * min(rival.left for rival in rivals)
         may_skip = smooth and not like_few_steps(rough.effects, rough.values, self._fine_step(first.segments))
         spare = self.own if self.stiff else ()  # so alike where something touches that all of them would be fitted
-        rivals = sorted(rivals, key=lambda one: (one.engine is not self.fine or one.left > close, one.left))
-        for rival in sorted(rivals, key=lambda one: one.engine in spare):
+
+        def turn(one: Rival) -> tuple[bool, bool, float]:
+            return one.engine in spare, one.engine is not self.fine or one.left > close, one.left
+
+        for rival in sorted(rivals, key=turn):
             lost = _LOST * least if least < _NEAR * first.dof else np.inf
             expected = self._cost(rival.engine, rough, rival.least / share, dof)
             much = rival.engine is self.given or bool(rough.effects)
