@@ -47,6 +47,13 @@ def test_names_stand_unless_the_held_out_runs_speak_against_them(
         assert "20 times the noise" in said[1].notes[-1]
 
 
+def test_uncertain_parameters_excuse_free_runs_that_are_lost(bench, explanation, verdict) -> None:
+    """So few segments that the friction is known to a tenth of itself."""
+    unsure = verdict.judgement.fit
+    unsure = dataclasses.replace(unsure, information=1e-5 * unsure.information, scores=1e-5 * unsure.scores)
+    assert reconsider(bench.machine, explanation, verdict, unsure, held_out(FAR, 20.0)) is None
+
+
 def test_names_that_leave_much_are_taken_back_where_a_column_is_in_doubt(bench, explanation, verdict) -> None:
     machine = dataclasses.replace(bench.machine, doubts=("ctrl.drive may be in mN m.",))
     named = verdict.judgement.fit

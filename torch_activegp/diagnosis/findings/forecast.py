@@ -154,10 +154,8 @@ def compare(
         ahead |= {name: steps[id(candidate)] for name, candidate in some.items()}
     begins = cut(runs, 1e9, PAD).scored[:, 0]
     for number, run in enumerate(runs):
-        spread = run.position[run.counted].std(axis=0)
         scored = run.counted & (np.arange(len(run)) >= begins[number])
-        still = spread < _STILL * noise.scale
-        spread = np.where(still, noise.scale, spread)
+        spread, still = units_of_errors(run, noise)
         frees = {name: some[number] for name, some in free.items()}
         for c, joint in enumerate(joints):
             entry: dict[str, Any] = {"run": run.label, "channel": f"qpos.{joint}", "one_step": {}, "free_run": {}}
@@ -178,6 +176,16 @@ def compare(
     overall["runs"] = entries
     overall["step_seconds"] = STEP
     return overall, traces
+
+
+def units_of_errors(run: Run, noise: NoiseModel) -> tuple[Array, NDArray[np.bool_]]:
+    """What the errors of a run are told in, joint by joint, ``(C,)``, and which joints stand still, ``(C,)``.
+
+    The standard deviation of what was recorded, of a joint that stands still its noise.
+    """
+    spread = run.position[run.counted].std(axis=0)
+    still = spread < _STILL * noise.scale
+    return np.where(still, noise.scale, spread), still
 
 
 def rms(values: Array) -> float:

@@ -8,6 +8,7 @@ from typing import Any
 from torch_activegp.diagnosis.findings.doubts import reservation
 from torch_activegp.diagnosis.findings.unforeseen import seen_there, surprise
 from torch_activegp.diagnosis.findings.unseen import foreseeable, refutation, taken_back
+from torch_activegp.diagnosis.findings.unsure_runs import expected_error
 from torch_activegp.diagnosis.findings.verdict import Verdict
 from torch_activegp.diagnosis.inputs.machine import Machine
 from torch_activegp.diagnosis.inputs.runs import Run
@@ -33,12 +34,17 @@ def reconsider(
         holdout: errors on the held-out runs, :func:`~torch_activegp.diagnosis.findings.unseen.marked`.
     """
     shooting = explanation.shooting
+    wild = {entry["run"] for entry in holdout["runs"] if not entry.get("predictable", True)}
     if chosen.effects:
-        why = reservation(shooting, chosen, machine.doubts) or refutation(foreseeable(holdout))
+
+        def expected() -> float:
+            runs = [run for run in machine.holdout if run.label not in wild]
+            return expected_error(explanation.engine.without_leapfrog(), shooting, chosen, runs)
+
+        why = reservation(shooting, chosen, machine.doubts) or refutation(foreseeable(holdout), expected)
         return None if why is None else (explanation, taken_back(verdict, why))
     if verdict.judgement.verdict != "none":
         return None
-    wild = {entry["run"] for entry in holdout["runs"] if not entry.get("predictable", True)}
     mute = {run.label for run in machine.holdout if run.label in wild and _touches(machine, run)}
     why = surprise([entry for entry in holdout["runs"] if entry["run"] not in mute], shooting)
     return None if why is None else seen_there(explanation, verdict, machine.holdout, why)

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Mapping, Sequence
+import math
+from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -35,7 +36,7 @@ _LONG = 0.005
 on sixteen machines; 29 of 67 s went on them in steps of 0.25 ms, with three joints of dry friction."""
 
 
-def refutation(entries: Sequence[Mapping[str, Any]]) -> str | None:
+def refutation(entries: Sequence[Mapping[str, Any]], expected: Callable[[], float] = lambda: 0.0) -> str | None:
     """What the held-out runs that can be forecast say against the named effects, in words; None where nothing.
 
     Free runs with them are lost, or forecasts are worse with them than without. Of a machine that nothing holds a
@@ -49,18 +50,27 @@ def refutation(entries: Sequence[Mapping[str, Any]]) -> str | None:
 
     Args:
         entries: their errors, :func:`foreseeable`.
+        expected: the error of free runs that the uncertainty of the parameters makes, which counts as noise does; zero
+            by default. It is asked for where free runs would be lost without.
     """
     if not entries:
         return None
     for kind, what in (("free_run", "free runs"), ("one_step", "forecasts by one step")):
         before, after, noise = _errors(entries, kind)
         far = f"not the held-out ones: {what} with them are off by {after:.3g} of the motion"
-        lost = kind == "free_run" and after > LOST * noise and after > NO_BETTER * before
-        if lost and not (after <= HALF * before and _see_ahead(entries)):
+        if kind == "free_run" and _are_lost(entries, expected):
             return f"{far}, {after / noise:.0f} times the noise"
         if after > WORSE * before and after > SEEN * noise and not (kind == "one_step" and _come_nearer(entries)):
             return f"{far}, and by {before:.3g} without"
     return None
+
+
+def _are_lost(entries: Sequence[Mapping[str, Any]], expected: Callable[[], float]) -> bool:
+    """Whether free runs are far off, and neither a look one step ahead nor uncertain parameters excuse it."""
+    before, after, noise = _errors(entries, "free_run")
+    if after <= max(LOST * noise, NO_BETTER * before) or (after <= HALF * before and _see_ahead(entries)):
+        return False
+    return after > LOST * math.hypot(noise, expected())
 
 
 def _errors(entries: Sequence[Mapping[str, Any]], kind: str) -> tuple[float, float, float]:
