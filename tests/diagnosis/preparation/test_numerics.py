@@ -182,6 +182,21 @@ def test_the_cheapest_form_that_is_close_comes_first(clean, monkeypatch) -> None
     assert stiff._cheap_ones(rival, precise, fit)[0] is made.coarse
 
 
+def test_runge_kutta_in_few_steps_may_stand_for_many_of_first_order(clean, monkeypatch) -> None:
+    made = Numerics.of(clean.integrated("Euler", 0.005), 1)
+    shooting = truth_of(clean, made, "fine")
+    fit = shooting.fit([((), ())], clean.nominal.starts)[0]
+    monkeypatch.setattr(numerics, "unabsorbed", lambda working, fit: 99.0)
+    few, many = made.own[0], made.own[-1]
+    steps = [form.steps_in(shooting.segments) for form in (few, made.middle, many)]
+    assert steps[0] < 3 * steps[1] < steps[2]
+    for form, there in ((few, False), (many, True)):
+        precise = dataclasses.replace(shooting, engine=form)
+        for stiff in (False, True):
+            some = dataclasses.replace(made, stiff=stiff)._cheap_ones(Rival.at(shooting, form, fit), precise, fit)
+            assert (made.middle in some) is (there and not stiff)
+
+
 @pytest.mark.parametrize("close", [True, False])
 def test_where_something_touches_a_form_must_fit_all_segments_as_the_engine_does(clean, monkeypatch, close) -> None:
     made = dataclasses.replace(Numerics.of(clean.integrated("Euler", 0.001), 1), stiff=True)

@@ -22,7 +22,7 @@ from torch_activegp.diagnosis.preparation.own_forms import DISCRETE, MUCH, NO_FA
 from torch_activegp.diagnosis.preparation.rivals import Rival, distinct
 from torch_activegp.diagnosis.preparation.telling import CREEPS, enough, telling
 from torch_activegp.diagnosis.shooting.fit import Fit
-from torch_activegp.diagnosis.shooting.likelihood import Shooting
+from torch_activegp.diagnosis.shooting.likelihood import LENDS, Shooting
 from torch_activegp.diagnosis.shooting.score import NOISE_ALONE
 from torch_activegp.diagnosis.simulation.calm import is_abrupt
 from torch_activegp.diagnosis.simulation.engine import Engine
@@ -265,9 +265,13 @@ class Numerics(Forms):
     def _cheap_ones(self, rival: Rival, precise: Shooting, rough: Fit) -> list[Engine]:
         """What may stand in for an engine, the engine itself last: first the cheapest that is close where they begin.
 
-        On a stiff machine, where nothing is close before it is fitted, from the cheapest on.
+        On a stiff machine, where nothing is close before it is fitted, from the cheapest on. Elsewhere Runge-Kutta in
+        few steps may stand for a scheme of first order in many: on an arm of seven, 4 evaluations a row for 16.
         """
-        cheap = list(dict.fromkeys((self.coarse, self.late or self.coarse, self.stand_in(rival.engine), rival.engine)))
+        most = rival.engine.steps_in(precise.segments)
+        dearer = () if self.stiff or LENDS * self.middle.steps_in(precise.segments) > most else (self.middle,)
+        some = (self.coarse, self.late or self.coarse, *dearer, self.stand_in(rival.engine), rival.engine)
+        cheap = list(dict.fromkeys(some))
         if self.stiff or len(cheap) < 3:
             return cheap
         most = bar(precise, rough)
