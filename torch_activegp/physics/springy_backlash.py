@@ -90,22 +90,24 @@ class SpringyBacklash(Backlash):
         h = dt / parts
         stiffness = np.minimum(values[:, 1], np.minimum(self.light * (_STABLE / h) ** 2, _HEAVY * self.load / dt**2))
         damping = np.minimum(values[:, 2], _STABLE * self.light / h)
-        after, faster, face = speed, speed - v, np.zeros_like(v)
+        after, faster, pushed, moved = speed, speed - v, np.zeros_like(v), np.zeros_like(v)
         behind = 0.0 if step.middle else 0.5 * np.where(last > 0.0, last, dt)  # speeds are of half a step before
-        twist, moved = place - q - behind * faster, np.zeros_like(v)
-        for number in range(int(parts.max())):
-            part = h * (number < parts)  # of no length for those that are done
-            off = twist + 0.5 * part * faster
-            side = np.sign(off) * (np.abs(off) > half)
-            push = stiffness * (off - side * half) + damping * faster
-            touch = np.where(side * push > 0.0, push, 0.0)
-            slow, after = after, (after + part * (torque - touch) / self.rotor) / (1.0 + part * self.drag / self.rotor)
-            faster = faster + (after - slow) - part * touch / self.load
-            twist = off + 0.5 * part * faster
-            moved, face = moved + 0.5 * part * (slow + after), face + part * touch / dt
+        twist = place - q - behind * faster
+        length = h * (np.arange(int(parts.max()))[:, None] < parts)  # none for those that are done
+        slowed = 1.0 / (1.0 + length * (self.drag / self.rotor))
+        for part, middle, keeps in zip(length, 0.5 * length, slowed, strict=True):
+            off = twist + middle * faster
+            pressed = off - np.minimum(np.maximum(off, -half), half)
+            push = stiffness * pressed + damping * faster
+            push *= push * pressed > 0.0  # ends only push
+            slow, after = after, keeps * (after + part * (torque - push) / self.rotor)
+            faster = faster + (after - slow - part * push / self.load)
+            twist = off + middle * faster
+            moved += middle * (slow + after)
+            pushed += part * push
         memory[:, 0] = place + (moved if step.middle else dt * after)
         memory[:, 1], memory[:, 5] = after, dt
-        step.force[rows, self.dof] += face - torque
+        step.force[rows, self.dof] += pushed / dt - torque
 
     def _pressed(
         self, step: Step, rows: Index, new: NDArray[np.bool_], values: Array, memory: Array, torque: Array

@@ -37,6 +37,22 @@ def test_a_drives_bias_is_an_alias_of_a_push_and_a_friction_is_none(bench, pushe
     assert ("constant_force", "joint:hip") not in keys
 
 
+def test_what_loses_no_more_than_a_tie_is_an_alias_too_but_not_what_does_less_than_half(bench, pushed) -> None:
+    push, partly = bench.effect("constant_force"), ("asymmetric_friction", "joint:hip")
+
+    def found(slack: float) -> dict[tuple[str, str], float]:
+        return {atom.effect.key: atom.gain for atom in aliases(bench.shooting, pushed, push, bench.effects, slack)}
+
+    all_of_it, whole = found(1e9), max(found(0.0).values())
+    part, _ = bench.shooting.subset(0.2)
+    lost = (whole - all_of_it[partly]) * bench.shooting.dof / part.dof
+    assert lost > 1.0
+    assert partly not in found(0.8 * lost)
+    assert partly in found(1.2 * lost)
+    assert min(all_of_it.values()) > 0.5 * whole
+    assert ("joint_stop", "joint:hip") not in all_of_it
+
+
 def test_what_is_absent_has_no_alias(bench, pushed) -> None:
     nothing = dataclasses.replace(pushed, values=(pushed.values[0], np.zeros(1)))
     assert aliases(bench.shooting, nothing, bench.effect("constant_force"), bench.effects) == []

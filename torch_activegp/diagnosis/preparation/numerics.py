@@ -268,10 +268,10 @@ class Numerics(Forms):
         On a stiff machine, where nothing is close before it is fitted, from the cheapest on. Elsewhere Runge-Kutta in
         few steps may stand for a scheme of first order in many: on an arm of seven, 4 evaluations a row for 16.
         """
-        most = rival.engine.steps_in(precise.segments)
-        dearer = () if self.stiff or LENDS * self.middle.steps_in(precise.segments) > most else (self.middle,)
-        some = (self.coarse, self.late or self.coarse, *dearer, self.stand_in(rival.engine), rival.engine)
-        cheap = list(dict.fromkeys(some))
+        steps = {form: form.steps_in(precise.segments) for form in self.all}
+        dearer = () if self.stiff or LENDS * steps[self.middle] > steps[rival.engine] else (self.middle,)
+        some = (self.coarse, self.late or self.coarse, *dearer, self.stand_in(rival.engine))
+        cheap = [form for form in dict.fromkeys(some) if steps[form] < steps[rival.engine]] + [rival.engine]
         if self.stiff or len(cheap) < 3:
             return cheap
         most = bar(precise, rough)

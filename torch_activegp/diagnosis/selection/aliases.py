@@ -18,11 +18,13 @@ from torch_activegp.diagnosis.shooting.elimination import project
 from torch_activegp.diagnosis.shooting.fit import Fit
 from torch_activegp.diagnosis.shooting.likelihood import Shooting
 from torch_activegp.diagnosis.shooting.linearize import linearize
-from torch_activegp.diagnosis.shooting.score import NOISE_ALONE
+from torch_activegp.diagnosis.shooting.score import NOISE_ALONE, TIE
 from torch_activegp.physics.effect import Effect
 
 _MOST = 4
 """Aliases of one effect that are fitted."""
+_HALF = 0.5
+"""What does less of it is none, however little there is."""
 _ROUNDS, _TIMES, _WORK = 20, 2, 5e6
 """Simulations of a fit, one after the other; how often; and time steps for all of them each time."""
 
@@ -52,23 +54,25 @@ def _in_place(selection: Selection, shooting: Shooting, effects: Sequence[Effect
     best, found = selection.best, dict[frozenset[Effect], Set]()
     for effect in (e for e in best.effects if e.key not in selection.score.free):
         rest = [(e, v) for e, v in best.by_effect.items() if e is not effect]
-        for atom in diverse(aliases(shooting, best, effect, effects), _MOST):
+        for atom in diverse(aliases(shooting, best, effect, effects, TIE * selection.score.scale), _MOST):
             some = paired([*rest, (atom.effect, atom.values)])
             found.setdefault(frozenset(some[0]), some)
     return list(found.values())
 
 
-def aliases(shooting: Shooting, fit: Fit, effect: Effect, effects: Sequence[Effect]) -> list[Atom]:
+def aliases(shooting: Shooting, fit: Fit, effect: Effect, effects: Sequence[Effect], slack: float = 0.0) -> list[Atom]:
     """What could take the place of one effect of a fit, each at its best seed, the most alike first.
 
     What it does there is a combination of columns; another one is an alias if it makes up 99 % of that beside initial
-    states and the other fitted parameters. Of a limit, which has no amplitude, nothing is told.
+    states and the other fitted parameters, or all but what does not tell sets apart: of a slide's gain, 185 in chi2
+    beside a lag, a load made up all but 5. Of a limit, which has no amplitude, nothing is told.
 
     Args:
         shooting: the likelihood; a part of its segments is enough.
         fit: a set.
         effect: of it.
         effects: what is tried.
+        slack: chi2 on all data by which sets that are not told apart may differ.
     """
     if not effect.linear and effect.parameters[0].place:
         return []
@@ -88,7 +92,8 @@ def aliases(shooting: Shooting, fit: Fit, effect: Effect, effects: Sequence[Effe
     order = [*(i for i in range(fit.size) if i not in own), *own.tolist(), *range(fit.size, len(normal))]
     normal, _ = without(fit.size - len(own), normal[np.ix_(order, order)], np.zeros(len(normal)))
     mine, theirs, amount = slice(0, len(own)), slice(len(own), None), _steps(effect, fit.by_effect[effect])
-    pull, least = normal[theirs, mine] @ amount, AS_MUCH * float(amount @ normal[mine, mine] @ amount)
+    pull, whole = normal[theirs, mine] @ amount, float(amount @ normal[mine, mine] @ amount)
+    least = min(max(whole - slack * part.dof / shooting.dof, _HALF * whole), AS_MUCH * whole)
     atoms = atoms_of(plan, normal[theirs, theirs], pull)
     found = sorted((a for a in atoms if a.gain > least > 0.0 and _inside(a)), key=lambda atom: atom.gain)
     best = {atom.effect: atom for atom in found}  # the last, the best one, of each
