@@ -16,6 +16,7 @@ def test_a_fit_says_what_to_simulate(bench) -> None:
     assert fit.candidate.values == values
     assert fit.candidate.force is None
     assert fit.size == 3
+    assert fit.places == {effects[0]: slice(0, 1), effects[1]: slice(1, 3)}
     assert fit.keys == {("viscous_friction", "joint:hip"), ("hysteresis", "joint:hip")}
     parameters = [parameter for effect in effects for parameter in effect.parameters]
     own = [p.step(v) for p, v in zip(parameters, np.concatenate(values), strict=True)]

@@ -131,9 +131,7 @@ def _price(score: Score, part: Shooting, effect: Effect) -> float:
 def _spreads(
     shooting: Shooting, fit: Fit, effect: Effect, values: NDArray[np.float64], said: Sequence[tuple[int, str]]
 ) -> dict[str, Spread]:
-    k = fit.effects.index(effect)
-    first = sum(len(v) for v in fit.values[:k])
-    part = values[:, first : first + len(fit.values[k])]
+    part = values[:, fit.places[effect]]
     center, errors = effect.describe(part[-1]), standard_errors(shooting, fit, effect, recordings=False)
     found = [(label, effect.describe(part[i])) for i, label in said]
     out = {}

@@ -9,7 +9,7 @@ import numpy as np
 from torch_activegp.diagnosis.findings.forecast import free_run, rms, units_of_errors
 from torch_activegp.diagnosis.inputs.runs import Array, Run
 from torch_activegp.diagnosis.selection.intervals import covariance
-from torch_activegp.diagnosis.shooting.fit import Fit
+from torch_activegp.diagnosis.shooting.fit import Fit, split
 from torch_activegp.diagnosis.shooting.likelihood import Shooting
 from torch_activegp.diagnosis.simulation.candidate import Candidate
 from torch_activegp.diagnosis.simulation.engine import Engine
@@ -29,10 +29,8 @@ def expected_error(engine: Engine, shooting: Shooting, fit: Fit, runs: Sequence[
         runs: others.
     """
     variance, axes = np.linalg.eigh(covariance(shooting, fit, widened=True))
-    values = np.concatenate(fit.values)
-    ends = np.cumsum([len(own) for own in fit.values])[:-1]
-    moved = values + np.sqrt(np.maximum(variance, 0.0))[:, None] * axes.T
-    candidates = [fit.candidate, *(Candidate(fit.effects, tuple(np.split(some, ends))) for some in moved)]
+    moved = np.concatenate(fit.values) + np.sqrt(np.maximum(variance, 0.0))[:, None] * axes.T
+    candidates = [fit.candidate, *(Candidate(fit.effects, split(fit.effects, some)) for some in moved)]
     center, *others = free_run(engine, candidates, runs, shooting.noise)
     units = [units_of_errors(run, shooting.noise)[0] for run in runs]
 

@@ -87,8 +87,7 @@ def aliases(shooting: Shooting, fit: Fit, effect: Effect, effects: Sequence[Effe
     blocks = linear.respond_to_start(), np.concatenate([held, tested], axis=-1)
     start, columns = (part.whiten_columns(block) for block in blocks)
     normal, _ = project(start, columns, np.zeros_like(part.residual_of(here)))
-    first = sum(len(e.parameters) for e in fit.effects[: fit.effects.index(effect)])
-    own = np.arange(first, first + len(effect.parameters))
+    own = np.arange(fit.size)[fit.places[effect]]
     order = [*(i for i in range(fit.size) if i not in own), *own.tolist(), *range(fit.size, len(normal))]
     normal, _ = without(fit.size - len(own), normal[np.ix_(order, order)], np.zeros(len(normal)))
     mine, theirs, amount = slice(0, len(own)), slice(len(own), None), _steps(effect, fit.by_effect[effect])

@@ -93,18 +93,11 @@ def is_certain(shooting: Shooting, fit: Fit, effects: Sequence[Effect], alone: b
 
 def certainty(shooting: Shooting, fit: Fit, *effects: Effect) -> float:
     """Wald's statistic of the parameters of some effects of a fit; infinite where nothing is known of them."""
-    where = np.concatenate([np.arange(fit.size)[_columns(fit, effect)] for effect in effects])
+    where = np.concatenate([np.arange(fit.size)[fit.places[effect]] for effect in effects])
     block = np.ix_(where, where)
     if not fit.information.size or not fit.information[block].any():
         return np.inf
     return wald(np.concatenate([fit.by_effect[effect] for effect in effects]), covariance(shooting, fit)[block])
-
-
-def _columns(fit: Fit, effect: Effect) -> slice:
-    """Where the parameters of an effect are among those of a fit."""
-    k = fit.effects.index(effect)
-    first = sum(len(v) for v in fit.values[:k])
-    return slice(first, first + len(fit.values[k]))
 
 
 def _free(shooting: Shooting, fit: Fit) -> int:
@@ -129,7 +122,7 @@ def standard_errors(
 
     See :func:`covariance` for the arguments.
     """
-    values, where = fit.by_effect[effect], _columns(fit, effect)
+    values, where = fit.by_effect[effect], fit.places[effect]
     block = covariance(shooting, fit, recordings, widened)[where, where]
     center = effect.describe(values)
     steps = 1e-4 * np.maximum(np.abs(values), [p.scale for p in effect.parameters])

@@ -66,6 +66,12 @@ class Fit:
         return sum(len(v) for v in self.values)
 
     @property
+    def places(self) -> dict[Effect, slice]:
+        """Where the parameters of each effect are in the row of all."""
+        ends = np.cumsum([len(v) for v in self.values]).tolist()
+        return {e: slice(end - len(v), end) for e, v, end in zip(self.effects, self.values, ends, strict=True)}
+
+    @property
     def plausible(self) -> bool:
         """Whether a machine can have all the effects with these values."""
         return plausible(self.effects, self.values)
