@@ -14,6 +14,9 @@ floor none scored better, and a mass by 53 where a clock jittered; a spring that
 BEHIND_A_FLOOR = 250.0
 """The same behind white noise. In 170 controls names scored better by 42 at most; a gain that was missing on a machine
 that strikes scored 563, and left 3 % more than the floor."""
+BEHIND_FEW_ROWS = 1000.0
+"""The same in the rows that are left of a filtered recording: in a control a backlash gained 176 there, and a centre of
+mass 308 in place of an encoder's offset; a spring that was missing on an arm 1920, and was not named."""
 _A_LOW_FLOOR = 1.05
 """Times the noise that names leave at most where its floor may be too low."""
 _THINNED = 0.6
@@ -24,8 +27,7 @@ def least_gain(shooting: Shooting, best: Fit, few: bool) -> float:
     """Score by which names must be better that leave what may be noise, though it seems to be none.
 
     It may be the noise's own colour, where that is seen or would not be, but for videos; or a floor that is a few
-    percent too low, behind few names. Not in the rows that are left of a filtered recording: in a control a backlash
-    gained 176 there, and a centre of mass 308 in place of an encoder's offset.
+    percent too low, behind few names.
 
     Args:
         shooting: the likelihood.
@@ -41,4 +43,6 @@ def least_gain(shooting: Shooting, best: Fit, few: bool) -> float:
     if shooting.noise.colour.any() or shooting.hides_colour:
         return BEHIND_COLOUR
     thinned = min(float(run.counted.sum() / run.recorded.sum()) for run in runs) < _THINNED
-    return BEHIND_A_FLOOR if few and not thinned and best.chi2 < _A_LOW_FLOOR * shooting.dof else np.inf
+    if not few or best.chi2 >= _A_LOW_FLOOR * shooting.dof:
+        return np.inf
+    return BEHIND_FEW_ROWS if thinned else BEHIND_A_FLOOR
