@@ -15,6 +15,9 @@ from torch_activegp.diagnosis.selection.adequacy import is_crowded, most_left
         ({"names": 2}, 0.06),
         ({"names": 3}, 0.03),
         ({"names": 3, "visible": False}, 0.15),
+        ({"names": 3, "misfit": 1.25}, 0.03),
+        ({"names": 3, "misfit": 1.26, "visible": False}, 0.01),
+        ({"names": 2, "misfit": 1.26}, 0.06),
         ({"misfit": 1.6}, 0.06),
         ({"misfit": 1.61}, 0.02),
         ({"misfit": 5.01}, 0.01),
@@ -36,7 +39,7 @@ def test_less_may_be_left_the_more_there_is_to_doubt(left, most: float) -> None:
 
 def test_more_of_anything_that_is_doubtful_never_lets_more_be_left() -> None:
     steps = {
-        "misfit": (1.0, 1.7, 2.5, 6.0),
+        "misfit": (1.0, 1.3, 1.7, 2.5, 6.0),
         "missing": (0.0, 0.1),
         "names": (1, 3, 5),
         "corrections": (0, 5),
