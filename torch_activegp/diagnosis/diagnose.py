@@ -151,7 +151,7 @@ def _report(
     if judgement.verdict != "unknown":  # of a simulator that is known to be wrong it says nothing
         calm = is_predictable(engine, chosen.candidate, machine.holdout, starts)
         holdout, wild_notes = marked(holdout, machine.holdout, calm.tolist())
-    others = reconsider(machine, explanation, verdict, chosen, holdout)
+    others = reconsider(machine, explanation, verdict, chosen, holdout, starts)
     if others is not None:
         return _report(source, machine, *others, seed, say)
     say("writing the correction", 0.99)

@@ -99,7 +99,7 @@ class SpringyBacklash(Backlash):
             off = twist + middle * faster
             pressed = off - np.minimum(np.maximum(off, -half), half)
             push = stiffness * pressed + damping * faster
-            push *= push * pressed > 0.0  # ends only push
+            push = np.where(push * pressed > 0.0, push, 0.0)  # ends only push
             slow, after = after, keeps * (after + part * (torque - push) / self.rotor)
             faster = faster + (after - slow - part * push / self.load)
             twist = off + middle * faster

@@ -56,9 +56,13 @@ def test_a_free_run_that_is_lost_refutes_no_names_that_see_well_ahead(free, step
     assert refutation([*held_out, *other]) is not None
 
 
-@pytest.mark.parametrize(("expected", "lost"), [(0.0, True), (1.4, True), (1.6, False)])
-def test_a_free_run_that_uncertain_parameters_would_lose_too_refutes_no_names(expected, lost: bool) -> None:
-    assert (refutation(said(30.0, 9.0), lambda: expected) is not None) is lost
+@pytest.mark.parametrize(
+    ("before", "expected", "lost"),
+    [(30.0, 0.0, True), (30.0, 1.4, True), (30.0, 1.6, False), (12.1, 1.6, False), (11.9, 1.6, True)],
+)
+def test_a_free_run_that_uncertain_parameters_would_lose_too_refutes_no_names(before, expected, lost: bool) -> None:
+    """Where they leave clearly less than there was."""
+    assert (refutation(said(before, 9.0), lambda: expected) is not None) is lost
 
 
 def test_nobody_asks_how_uncertain_free_runs_are_that_are_near() -> None:

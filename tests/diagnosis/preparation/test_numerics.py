@@ -187,14 +187,20 @@ def test_runge_kutta_in_few_steps_may_stand_for_many_of_first_order(clean, monke
     shooting = truth_of(clean, made, "fine")
     fit = shooting.fit([((), ())], clean.nominal.starts)[0]
     monkeypatch.setattr(numerics, "unabsorbed", lambda working, fit: 99.0)
-    few, many = made.own[0], made.own[-1]
-    steps = [form.steps_in(shooting.segments) for form in (few, made.middle, many)]
-    assert steps[0] < 3 * steps[1] < steps[2]
-    for form, there in ((few, False), (many, True)):
+    steps = {form: form.steps_in(shooting.segments) for form in made.all}
+    alike = next(form for form in made.own if steps[made.middle] < steps[form] < 3 * steps[made.middle])
+    many = next(form for form in made.own if steps[form] > 3 * steps[made.middle])
+    for form, there in ((alike, False), (many, True)):
         precise = dataclasses.replace(shooting, engine=form)
         for stiff in (False, True):
             some = dataclasses.replace(made, stiff=stiff)._cheap_ones(Rival.at(shooting, form, fit), precise, fit)
             assert (made.middle in some) is (there and not stiff)
+    precise = dataclasses.replace(shooting, engine=made.given)
+    assert steps[made.coarse] == steps[made.given] < steps[made.middle]
+    rival = Rival.at(shooting, made.given, fit)
+    assert made._cheap_ones(rival, precise, fit) == [made.coarse, made.late, made.given]
+    only = dataclasses.replace(made, coarse=made.given)  # as of a black box
+    assert only._cheap_ones(rival, precise, fit) == [made.given]
 
 
 @pytest.mark.parametrize("close", [True, False])

@@ -74,6 +74,15 @@ def test_aliases_are_fitted_where_noise_alone_is_left(bench, pushed) -> None:
             assert min(fit.chi2 for fit in others) == pytest.approx(whole.chi2, abs=0.1)
 
 
+def test_a_search_asks_for_those_that_lose_no_more_than_a_tie(bench, pushed, monkeypatch) -> None:
+    asked: list[float] = []
+    monkeypatch.setattr(module, "aliases", lambda *given: asked.append(given[-1]) or [])
+    best = dataclasses.replace(pushed, chi2=bench.shooting.dof)
+    selection = Selection(bench.nominal, [bench.nominal, best], Score(bench.shooting.samples, 60, 1.5))
+    try_aliases(selection, bench.shooting, bench.effects)
+    assert asked == [6.0 * 1.5] * 2
+
+
 @pytest.mark.parametrize("work", [0.0, 1e9])
 def test_they_are_looked_for_where_a_search_was_cut_short(bench, monkeypatch, work: float) -> None:
     asked: list[bool] = []

@@ -4,7 +4,12 @@ import dataclasses
 
 import numpy as np
 
-from torch_activegp.diagnosis.selection.behind_noise import BEHIND_A_FLOOR, BEHIND_COLOUR, BEHIND_FEW_ROWS, least_gain
+from torch_activegp.diagnosis.selection.behind_noise import (
+    BEHIND_A_FLOOR,
+    BEHIND_COLOUR,
+    BEHIND_THINNED_ROWS,
+    least_gain,
+)
 
 
 def test_what_names_leave_may_be_the_colour_of_noise_or_a_floor_that_is_low(bench) -> None:
@@ -23,7 +28,7 @@ def test_what_names_leave_may_be_the_colour_of_noise_or_a_floor_that_is_low(benc
     assert least(far, noise=coloured) == BEHIND_COLOUR
     every_other = tuple(dataclasses.replace(run, left_out=np.arange(len(run)) % 2 == 1) for run in segments.runs)
     thinned = dataclasses.replace(segments, runs=every_other)
-    assert least(segments=thinned) == BEHIND_FEW_ROWS
+    assert least(segments=thinned) == BEHIND_THINNED_ROWS
     assert [least(far, segments=thinned), least(few=False, segments=thinned)] == [np.inf, np.inf]
     lost = tuple(dataclasses.replace(run, recorded=np.arange(len(run)) % 2 == 0) for run in segments.runs)
     assert least(segments=dataclasses.replace(segments, runs=lost)) == BEHIND_A_FLOOR

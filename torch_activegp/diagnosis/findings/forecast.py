@@ -87,7 +87,7 @@ def free_run(
     Returns:
         For each candidate and each run, positions ``(K + 1, C)``, rad or m, and the initial state, ``(nq + nv,)``.
     """
-    whole = cut(runs, 1e9, PAD)
+    whole = whole_runs(runs)
     begin = Beginnings(engine, noise, candidates, median_step(runs))
     shooting = Shooting(engine, whole, noise)
     starts, paths = _followed(begin, whole, [_FIRST])
@@ -152,17 +152,18 @@ def compare(
         steps = dict(zip(different, one_step(engine, [*different.values()], runs, noise), strict=True))
         free |= {name: paths[id(candidate)] for name, candidate in some.items()}
         ahead |= {name: steps[id(candidate)] for name, candidate in some.items()}
-    begins = cut(runs, 1e9, PAD).scored[:, 0]
+    off = {
+        name: errors_of_free_runs(runs, [run.position - path for run, (path, _) in zip(runs, some, strict=True)], noise)
+        for name, some in free.items()
+    }
     for number, run in enumerate(runs):
-        scored = run.counted & (np.arange(len(run)) >= begins[number])
-        spread, still = units_of_errors(run, noise)
+        spread, still = _units_of_errors(run, noise)
         frees = {name: some[number] for name, some in free.items()}
         for c, joint in enumerate(joints):
             entry: dict[str, Any] = {"run": run.label, "channel": f"qpos.{joint}", "one_step": {}, "free_run": {}}
             for name in models:
-                far = run.position[scored, c] - frees[name][0][scored, c]
                 entry["one_step"][name] = rms(ahead[name][number][:, c] / spread[c])
-                entry["free_run"][name] = rms(far / spread[c])
+                entry["free_run"][name] = float(off[name][number][c])
             for kind in ("one_step", "free_run"):
                 entry[kind]["noise"] = float(noise.scale[c] / spread[c])
             entries.append(entry)
@@ -178,7 +179,22 @@ def compare(
     return overall, traces
 
 
-def units_of_errors(run: Run, noise: NoiseModel) -> tuple[Array, NDArray[np.bool_]]:
+def errors_of_free_runs(runs: Sequence[Run], off: Sequence[Array], noise: NoiseModel) -> list[Array]:
+    """NRMSE of free runs, joint by joint, ``(C,)`` for each run, by how far their positions are off, ``(K + 1, C)``."""
+    out = []
+    for run, far, begin in zip(runs, off, whole_runs(runs).scored[:, 0], strict=True):
+        scored = run.counted & (np.arange(len(run)) >= begin)
+        unit, _ = _units_of_errors(run, noise)
+        out.append(np.array([rms(far[scored, c] / unit[c]) for c in range(len(unit))]))
+    return out
+
+
+def whole_runs(runs: Sequence[Run]) -> Segments:
+    """Runs, each in one piece."""
+    return cut(runs, 1e9, PAD)
+
+
+def _units_of_errors(run: Run, noise: NoiseModel) -> tuple[Array, NDArray[np.bool_]]:
     """What the errors of a run are told in, joint by joint, ``(C,)``, and which joints stand still, ``(C,)``.
 
     The standard deviation of what was recorded, of a joint that stands still its noise.

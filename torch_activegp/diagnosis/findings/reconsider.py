@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import Any
+
+import numpy as np
 
 from torch_activegp.diagnosis.findings.doubts import reservation
 from torch_activegp.diagnosis.findings.unforeseen import seen_there, surprise
@@ -11,7 +13,7 @@ from torch_activegp.diagnosis.findings.unseen import foreseeable, refutation, ta
 from torch_activegp.diagnosis.findings.unsure_runs import expected_error
 from torch_activegp.diagnosis.findings.verdict import Verdict
 from torch_activegp.diagnosis.inputs.machine import Machine
-from torch_activegp.diagnosis.inputs.runs import Run
+from torch_activegp.diagnosis.inputs.runs import Array, Run
 from torch_activegp.diagnosis.selection.explain import Explanation
 from torch_activegp.diagnosis.shooting.fit import Fit
 from torch_activegp.diagnosis.simulation.touching import poses_that_touch
@@ -23,6 +25,7 @@ def reconsider(
     verdict: Verdict,
     chosen: Fit,
     holdout: Mapping[str, Any],
+    starts: Array | Sequence[Sequence[float]],
 ) -> tuple[Explanation, Verdict] | None:
     """What is to be said instead, where the held-out runs, or doubts, speak against a verdict; None where nothing does.
 
@@ -32,14 +35,16 @@ def reconsider(
         verdict: what would be said.
         chosen: the set whose names would be.
         holdout: errors on the held-out runs, :func:`~torch_activegp.diagnosis.findings.unseen.marked`.
+        starts: initial states with which the set follows these R runs, ``(R, nq + nv)``.
     """
     shooting = explanation.shooting
     wild = {entry["run"] for entry in holdout["runs"] if not entry.get("predictable", True)}
     if chosen.effects:
 
         def expected() -> float:
-            runs = [run for run in machine.holdout if run.label not in wild]
-            return expected_error(explanation.engine.without_leapfrog(), shooting, chosen, runs)
+            calm = [i for i, run in enumerate(machine.holdout) if run.label not in wild]
+            runs, engine = [machine.holdout[i] for i in calm], explanation.engine.without_leapfrog()
+            return expected_error(engine, shooting, chosen, runs, np.asarray(starts)[calm])
 
         why = reservation(shooting, chosen, machine.doubts) or refutation(foreseeable(holdout), expected)
         return None if why is None else (explanation, taken_back(verdict, why))

@@ -25,6 +25,8 @@ WORSE, SEEN = 1.03, 1.2
 """Times the error without names, and the noise, beyond which forecasts of either kind got worse: those of 146 right
 sets never did. A friction that grows with the load was a damping, a gain and a dead zone, with 1.19 of the error and
 2.7 of the noise in free runs; a pocket of negative damping was a cogging, with 1.07 and 1.4 after one step."""
+CLEARLY_LESS = 0.75
+"""Part of the error without names that a free run may leave where uncertain parameters excuse it."""
 HALF = 0.5
 """Part of the error without names that a free run may leave where one step ahead shows that they are right, and of the
 error beyond the noise where one step ahead is worse."""
@@ -50,8 +52,8 @@ def refutation(entries: Sequence[Mapping[str, Any]], expected: Callable[[], floa
 
     Args:
         entries: their errors, :func:`foreseeable`.
-        expected: the error of free runs that the uncertainty of the parameters makes, which counts as noise does; zero
-            by default. It is asked for where free runs would be lost without.
+        expected: the error of free runs that the uncertainty of the parameters makes, as part of the motion; it counts
+            as noise does, where names leave clearly less than there was. It is asked for where it matters.
     """
     if not entries:
         return None
@@ -70,7 +72,7 @@ def _are_lost(entries: Sequence[Mapping[str, Any]], expected: Callable[[], float
     before, after, noise = _errors(entries, "free_run")
     if after <= max(LOST * noise, NO_BETTER * before) or (after <= HALF * before and _see_ahead(entries)):
         return False
-    return after > LOST * math.hypot(noise, expected())
+    return after > CLEARLY_LESS * before or after > LOST * math.hypot(noise, expected())
 
 
 def _errors(entries: Sequence[Mapping[str, Any]], kind: str) -> tuple[float, float, float]:

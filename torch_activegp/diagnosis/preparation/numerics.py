@@ -259,7 +259,7 @@ class Numerics(Forms):
         exact = settled(precise, engine, begin)[1] if self.stiff else None
         if exact is not None and not np.isfinite(exact.chi2):
             return precise, exact
-        forms = list(dict.fromkeys((working.engine, self.stand_in(engine), engine)))
+        forms = _cheaper((working.engine, self.stand_in(engine)), engine, working.segments)
         return first_close(precise, forms, exact or begin, exact, known=working.engine)
 
     def _cheap_ones(self, rival: Rival, precise: Shooting, rough: Fit) -> list[Engine]:
@@ -268,10 +268,10 @@ class Numerics(Forms):
         On a stiff machine, where nothing is close before it is fitted, from the cheapest on. Elsewhere Runge-Kutta in
         few steps may stand for a scheme of first order in many: on an arm of seven, 4 evaluations a row for 16.
         """
-        steps = {form: form.steps_in(precise.segments) for form in self.all}
-        dearer = () if self.stiff or LENDS * steps[self.middle] > steps[rival.engine] else (self.middle,)
+        steps, own = (form.steps_in(precise.segments) for form in (self.middle, rival.engine))
+        dearer = () if self.stiff or LENDS * steps > own else (self.middle,)
         some = (self.coarse, self.late or self.coarse, *dearer, self.stand_in(rival.engine))
-        cheap = [form for form in dict.fromkeys(some) if steps[form] < steps[rival.engine]] + [rival.engine]
+        cheap = _cheaper(some, rival.engine, precise.segments)
         if self.stiff or len(cheap) < 3:
             return cheap
         most = bar(precise, rough)
@@ -282,6 +282,13 @@ class Numerics(Forms):
             return error if error >= most else 0.0
 
         return [*sorted(cheap[:-1], key=far), cheap[-1]]
+
+
+def _cheaper(some: Sequence[Engine], engine: Engine, segments: Segments) -> list[Engine]:
+    """Those of some forms that take no more time steps than an engine, and that engine last."""
+    most = engine.steps_in(segments)
+    forms = [form for form in dict.fromkeys((*some, engine)) if form.steps_in(segments) <= most]
+    return forms[: forms.index(engine) + 1]
 
 
 def _too_far(results: Sequence[tuple[float, Engine, Shooting, Fit, float]], much: bool) -> float:

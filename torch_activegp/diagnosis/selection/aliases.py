@@ -92,7 +92,7 @@ def aliases(shooting: Shooting, fit: Fit, effect: Effect, effects: Sequence[Effe
     normal, _ = without(fit.size - len(own), normal[np.ix_(order, order)], np.zeros(len(normal)))
     mine, theirs, amount = slice(0, len(own)), slice(len(own), None), _steps(effect, fit.by_effect[effect])
     pull, whole = normal[theirs, mine] @ amount, float(amount @ normal[mine, mine] @ amount)
-    least = min(max(whole - slack * part.dof / shooting.dof, _HALF * whole), AS_MUCH * whole)
+    least = float(np.clip(whole - slack * part.dof / shooting.dof, _HALF * whole, AS_MUCH * whole))
     atoms = atoms_of(plan, normal[theirs, theirs], pull)
     found = sorted((a for a in atoms if a.gain > least > 0.0 and _inside(a)), key=lambda atom: atom.gain)
     best = {atom.effect: atom for atom in found}  # the last, the best one, of each

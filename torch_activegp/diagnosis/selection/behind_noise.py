@@ -14,7 +14,7 @@ floor none scored better, and a mass by 53 where a clock jittered; a spring that
 BEHIND_A_FLOOR = 250.0
 """The same behind white noise. In 170 controls names scored better by 42 at most; a gain that was missing on a machine
 that strikes scored 563, and left 3 % more than the floor."""
-BEHIND_FEW_ROWS = 1000.0
+BEHIND_THINNED_ROWS = 1000.0
 """The same in the rows that are left of a filtered recording: in a control a backlash gained 176 there, and a centre of
 mass 308 in place of an encoder's offset; a spring that was missing on an arm 1920, and was not named."""
 _A_LOW_FLOOR = 1.05
@@ -42,7 +42,7 @@ def least_gain(shooting: Shooting, best: Fit, few: bool) -> float:
         return np.inf
     if shooting.noise.colour.any() or shooting.hides_colour:
         return BEHIND_COLOUR
-    thinned = min(float(run.counted.sum() / run.recorded.sum()) for run in runs) < _THINNED
     if not few or best.chi2 >= _A_LOW_FLOOR * shooting.dof:
         return np.inf
-    return BEHIND_FEW_ROWS if thinned else BEHIND_A_FLOOR
+    thinned = min(float(run.counted.sum() / run.recorded.sum()) for run in runs) < _THINNED
+    return BEHIND_THINNED_ROWS if thinned else BEHIND_A_FLOOR

@@ -100,10 +100,9 @@ def in_fewer_axes(fit: Fit, effects: Sequence[Effect]) -> list[Set]:
     for effect, value in fit.by_effect.items():
         if not effect.vector or len(value) < 2:
             continue
+        first = fit.places[effect].start
         others = [(e, v) for e, v in fit.by_effect.items() if e is not effect]
-        lost = [
-            _alone(fit.information, fit.places[effect].start + axis) * value[axis] ** 2 for axis in range(len(value))
-        ]
+        lost = [_alone(fit.information, first + axis) * value[axis] ** 2 for axis in range(len(value))]
         for axis in np.flatnonzero(np.array(lost) < _NOTHING):
             left = effect.variant[:axis] + effect.variant[axis + 1 :]
             forms = (form for form in effects if form.key == effect.key and form.variant == left)
