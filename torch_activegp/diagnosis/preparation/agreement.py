@@ -8,6 +8,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from torch_activegp.diagnosis.inputs.runs import Array
+from torch_activegp.diagnosis.inputs.segments import Segments
 from torch_activegp.diagnosis.preparation.rivals import beside
 from torch_activegp.diagnosis.shooting.chaining import chained
 from torch_activegp.diagnosis.shooting.fit import Fit
@@ -33,6 +34,13 @@ _SAME = 0.02
 """Part of chi2 by which fits may differ that are called the same."""
 _MUCH = 2.0
 """Times the noise: what leaves less is near it."""
+
+
+def cheaper(some: Sequence[Engine], engine: Engine, segments: Segments) -> list[Engine]:
+    """Those of some forms that take no more time steps than an engine, and that engine last."""
+    most = engine.steps_in(segments)
+    forms = [form for form in dict.fromkeys((*some, engine)) if form.steps_in(segments) <= most]
+    return forms[: forms.index(engine) + 1]
 
 
 def first_close(

@@ -9,7 +9,7 @@ import numpy as np
 
 from torch_activegp.diagnosis.inputs.segments import Segments
 from torch_activegp.diagnosis.noise.model import NoiseModel
-from torch_activegp.diagnosis.preparation.agreement import bar, first_close, just, settled, unabsorbed
+from torch_activegp.diagnosis.preparation.agreement import bar, cheaper, first_close, just, settled, unabsorbed
 from torch_activegp.diagnosis.preparation.brief_pieces import left_in_brief
 from torch_activegp.diagnosis.preparation.late import (
     Sets,
@@ -259,7 +259,7 @@ class Numerics(Forms):
         exact = settled(precise, engine, begin)[1] if self.stiff else None
         if exact is not None and not np.isfinite(exact.chi2):
             return precise, exact
-        forms = _cheaper((working.engine, self.stand_in(engine)), engine, working.segments)
+        forms = cheaper((working.engine, self.stand_in(engine)), engine, working.segments)
         return first_close(precise, forms, exact or begin, exact, known=working.engine)
 
     def _cheap_ones(self, rival: Rival, precise: Shooting, rough: Fit) -> list[Engine]:
@@ -271,7 +271,7 @@ class Numerics(Forms):
         steps, own = (form.steps_in(precise.segments) for form in (self.middle, rival.engine))
         dearer = () if self.stiff or LENDS * steps > own else (self.middle,)
         some = (self.coarse, self.late or self.coarse, *dearer, self.stand_in(rival.engine))
-        cheap = _cheaper(some, rival.engine, precise.segments)
+        cheap = cheaper(some, rival.engine, precise.segments)
         if self.stiff or len(cheap) < 3:
             return cheap
         most = bar(precise, rough)
@@ -282,13 +282,6 @@ class Numerics(Forms):
             return error if error >= most else 0.0
 
         return [*sorted(cheap[:-1], key=far), cheap[-1]]
-
-
-def _cheaper(some: Sequence[Engine], engine: Engine, segments: Segments) -> list[Engine]:
-    """Those of some forms that take no more time steps than an engine, and that engine last."""
-    most = engine.steps_in(segments)
-    forms = [form for form in dict.fromkeys((*some, engine)) if form.steps_in(segments) <= most]
-    return forms[: forms.index(engine) + 1]
 
 
 def _too_far(results: Sequence[tuple[float, Engine, Shooting, Fit, float]], much: bool) -> float:
