@@ -74,3 +74,13 @@ def test_parameters_are_moved_within_their_bounds_in_any_units(bench, known) -> 
     spread = covariance(bench.shooting, known, widened=True)
     steps = (unsure_runs._moved(bench.shooting, known) - np.concatenate(known.values)) / 0.1
     np.testing.assert_allclose(steps.T @ steps, spread, rtol=1e-6, atol=1e-6 * np.abs(spread).min())
+
+
+def test_few_recordings_widen_what_is_expected(bench, known, monkeypatch) -> None:
+    def wider(shooting, fit, recordings: bool = True, widened: bool = False) -> np.ndarray:
+        return (9.0 if widened else 1.0) * covariance(shooting, fit)
+
+    plain = covariance(bench.shooting, known)
+    monkeypatch.setattr(unsure_runs, "covariance", wider)
+    steps = (unsure_runs._moved(bench.shooting, known) - np.concatenate(known.values)) / 0.1
+    np.testing.assert_allclose(np.diag(steps.T @ steps), 9.0 * np.diag(plain), rtol=1e-6)
