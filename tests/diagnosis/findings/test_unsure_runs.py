@@ -43,7 +43,7 @@ def test_the_expected_error_is_that_of_draws_from_the_covariance(bench, known, r
     candidates = [known.candidate, *(Candidate(known.effects, split(known.effects, row)) for row in drawn)]
     center, *others = free_run(bench.engine, candidates, runs, bench.shooting.noise)
     off = [[a - b for (a, _), (b, _) in zip(other, center, strict=True)] for other in others]
-    errors = np.array([np.concatenate(errors_of_free_runs(runs, some, bench.shooting.noise)) for some in off])
+    errors = errors_of_free_runs(runs, off, bench.shooting.noise)
     found = expected_error(bench.engine, bench.shooting, known, runs, starts_of(bench, known, runs))
     assert found == pytest.approx(np.sqrt((errors**2).mean()), rel=0.15)
 

@@ -233,3 +233,11 @@ def test_other_forms_of_what_remembers_come_last(bench) -> None:
     assert kept and all(spring in effects for effects in kept)  # what is no name stays
     alone = dataclasses.replace(fit, effects=(spring,), values=values[1:])
     assert with_another_past(alone, bench.effects, ()) == []
+
+
+def test_each_effect_is_weighed_by_its_own_information(bench) -> None:
+    effects = (bench.effect("viscous_friction"), bench.effect("constant_force"))
+    values = (np.array([1.0]), np.array([1.0]))
+    fit = dataclasses.replace(bench.nominal, effects=effects, values=values, information=np.diag([100.0, 0.01]))
+    assert without_weak(fit, lambda _: 10.0) == (effects[:1], values[:1])
+    assert without_weak(fit, lambda _: 0.001) is None

@@ -16,6 +16,10 @@ def test_a_fit_says_what_to_simulate(bench) -> None:
     assert fit.candidate.values == values
     assert fit.candidate.force is None
     assert fit.size == 3
+    assert not fit.is_known  # its information is the nominal's, of no parameter
+    known = dataclasses.replace(fit, information=np.eye(3))
+    assert known.is_known
+    assert not dataclasses.replace(known, at_rest=True).is_known
     assert fit.places == {effects[0]: slice(0, 1), effects[1]: slice(1, 3)}
     assert fit.keys == {("viscous_friction", "joint:hip"), ("hysteresis", "joint:hip")}
     parameters = [parameter for effect in effects for parameter in effect.parameters]

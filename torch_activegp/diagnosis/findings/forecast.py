@@ -152,10 +152,8 @@ def compare(
         steps = dict(zip(different, one_step(engine, [*different.values()], runs, noise), strict=True))
         free |= {name: paths[id(candidate)] for name, candidate in some.items()}
         ahead |= {name: steps[id(candidate)] for name, candidate in some.items()}
-    off = {
-        name: errors_of_free_runs(runs, [run.position - path for run, (path, _) in zip(runs, some, strict=True)], noise)
-        for name, some in free.items()
-    }
+    off = [[run.position - path for run, (path, _) in zip(runs, some, strict=True)] for some in free.values()]
+    far = dict(zip(free, errors_of_free_runs(runs, off, noise), strict=True))
     for number, run in enumerate(runs):
         spread, still = _units_of_errors(run, noise)
         frees = {name: some[number] for name, some in free.items()}
@@ -163,7 +161,7 @@ def compare(
             entry: dict[str, Any] = {"run": run.label, "channel": f"qpos.{joint}", "one_step": {}, "free_run": {}}
             for name in models:
                 entry["one_step"][name] = rms(ahead[name][number][:, c] / spread[c])
-                entry["free_run"][name] = float(off[name][number][c])
+                entry["free_run"][name] = float(far[name][number, c])
             for kind in ("one_step", "free_run"):
                 entry[kind]["noise"] = float(noise.scale[c] / spread[c])
             entries.append(entry)
@@ -179,14 +177,21 @@ def compare(
     return overall, traces
 
 
-def errors_of_free_runs(runs: Sequence[Run], off: Sequence[Array], noise: NoiseModel) -> list[Array]:
-    """NRMSE of free runs, joint by joint, ``(C,)`` for each run, by how far their positions are off, ``(K + 1, C)``."""
-    out = []
-    for run, far, begin in zip(runs, off, whole_runs(runs).scored[:, 0], strict=True):
+def errors_of_free_runs(runs: Sequence[Run], off: Sequence[Sequence[Array]], noise: NoiseModel) -> Array:
+    """NRMSE of the free runs of N models, ``(N, R, C)``, joint by joint.
+
+    Args:
+        runs: R runs.
+        off: of each model and each run, how far its positions are off, ``(K + 1, C)``.
+        noise: of the recordings.
+    """
+    errors = np.empty((len(off), len(runs), len(noise.scale)))
+    for number, (run, begin) in enumerate(zip(runs, whole_runs(runs).scored[:, 0], strict=True)):
         scored = run.counted & (np.arange(len(run)) >= begin)
         unit, _ = _units_of_errors(run, noise)
-        out.append(np.array([rms(far[scored, c] / unit[c]) for c in range(len(unit))]))
-    return out
+        for own, some in zip(errors, off, strict=True):
+            own[number] = [rms(joint) for joint in (some[number][scored] / unit).T]
+    return errors
 
 
 def whole_runs(runs: Sequence[Run]) -> Segments:

@@ -36,7 +36,7 @@ def expected_error(engine: Engine, shooting: Shooting, fit: Fit, runs: Sequence[
     Returns:
         Zero where nothing is known of the parameters, and where a simulation fails: neither is an excuse.
     """
-    if not fit.size or fit.information.shape != (fit.size, fit.size):
+    if not fit.size or not fit.is_known:
         return 0.0
     candidates = [fit.candidate, *(Candidate(fit.effects, split(fit.effects, some)) for some in _moved(shooting, fit))]
     whole = whole_runs(runs)
@@ -45,7 +45,7 @@ def expected_error(engine: Engine, shooting: Shooting, fit: Fit, runs: Sequence[
     apart = [[(path[i] - center[i])[: len(run)] / _PART for i, run in enumerate(runs)] for path in others]
     if not all(np.isfinite(off).all() for some in apart for off in some):
         return 0.0
-    errors = np.array([np.concatenate(errors_of_free_runs(runs, some, shooting.noise)) for some in apart])
+    errors = errors_of_free_runs(runs, apart, shooting.noise)
     return float(np.sqrt((errors**2).sum(axis=0).mean()))
 
 

@@ -16,7 +16,7 @@ BEHIND_A_FLOOR = 250.0
 that strikes scored 563, and left 3 % more than the floor."""
 BEHIND_THINNED_ROWS = 1000.0
 """The same in the rows that are left of a filtered recording: in a control a backlash gained 176 there, and a centre of
-mass 308 in place of an encoder's offset; a spring that was missing on an arm 1920, and was not named."""
+mass 308 in place of an encoder's offset; a spring that was missing on an arm 1920."""
 _A_LOW_FLOOR = 1.05
 """Times the noise that names leave at most where its floor may be too low."""
 _THINNED = 0.6

@@ -95,7 +95,7 @@ def in_fewer_axes(fit: Fit, effects: Sequence[Effect]) -> list[Set]:
         effects: what is tried.
     """
     found: list[Set] = []
-    if fit.at_rest or len(fit.information) != fit.size:  # nothing is known of it
+    if not fit.is_known:
         return found
     for effect, value in fit.by_effect.items():
         if not effect.vector or len(value) < 2:

@@ -278,10 +278,9 @@ def _offset(
 def without_weak(fit: Fit, price: Callable[[Effect], float]) -> Set | None:
     """The fit without all effects whose parameters are worth less than their price; None where there is none such."""
     inverse = invert(fit.information)
-    first, kept = 0, []
-    for effect, values in zip(fit.effects, fit.values, strict=True):
-        part = slice(first, first + len(values))
-        first += len(values)
+    kept = []
+    for effect, values in fit.by_effect.items():
+        part = fit.places[effect]
         worth = wald(values, inverse[part, part])
         if not effect.linear or worth > price(effect):
             kept.append((effect, values))

@@ -72,6 +72,11 @@ class Fit:
         return {e: slice(end - len(v), end) for e, v, end in zip(self.effects, self.values, ends, strict=True)}
 
     @property
+    def is_known(self) -> bool:
+        """Whether it says how certain its parameters are: they were not held, nor was it given up at rest."""
+        return not self.at_rest and len(self.information) == self.size
+
+    @property
     def plausible(self) -> bool:
         """Whether a machine can have all the effects with these values."""
         return plausible(self.effects, self.values)
