@@ -19,12 +19,16 @@ from torch_activegp.diagnosis.simulation.engine import Engine
 NOISE, ROWS = 2e-4, 401
 
 
-def recordings(model: mujoco.MjModel, goes_on: bool) -> list[Recording]:
-    """Runs of the model itself at 100 Hz in which one row of twelve is missing; what moved it went on there, or not."""
+def recordings(model: mujoco.MjModel, goes_on: bool, uneven: float = 0.0, noise: float = NOISE) -> list[Recording]:
+    """Runs of the model itself at 100 Hz in which one row of twelve is missing; what moved it went on there, or not.
+
+    Rows were taken `uneven` seconds too early or too late.
+    """
     found = []
     for seed in range(2):
         rng = np.random.default_rng(seed)
         time, kept = np.arange(ROWS) / 100, rng.random(ROWS) > 1 / 12
+        time = time + uneven * np.random.default_rng(seed + 9).uniform(-1.0, 1.0, ROWS)
         kept[:2] = True
         control = 3.0 * np.sin(2 * np.pi * rng.uniform(1.0, 3.0, 3) * time[:, None]).sum(axis=1)
         if not goes_on:
@@ -33,7 +37,7 @@ def recordings(model: mujoco.MjModel, goes_on: bool) -> list[Recording]:
         run = make_run(whole, model, channels := Channels.of(model, [whole]))
         engine = Engine(model, channels, 4)
         segment = cut([run], 1e9, 0.0)
-        path = engine.predict(segment, np.zeros((1, 1, 2)), [NOMINAL])[0, 0, :, 0] + NOISE * rng.normal(size=ROWS)
+        path = engine.predict(segment, np.zeros((1, 1, 2)), [NOMINAL])[0, 0, :, 0] + noise * rng.normal(size=ROWS)
         columns = {"time": time, "qpos.hip": path, "ctrl.drive": control}
         found.append(Recording.from_columns(f"run{seed}", {name: column[kept] for name, column in columns.items()}))
     return found
@@ -61,6 +65,37 @@ def test_controls_in_missing_rows_are_what_the_motion_agrees_with(model, goes_on
         np.testing.assert_array_equal(other.control, moved(one, 3).control)
 
 
+def test_rows_that_come_early_and_late_are_missing_too(model) -> None:
+    """A gap of two rows of an uneven clock is a little shorter than two of its median one in every second case."""
+    (run, _), (even, _) = (
+        [make_run(one, model, Channels.of(model, [one])) for one in recordings(model, True, uneven)]
+        for uneven in (1e-3, 0.0)
+    )
+    missing = module._in_gaps(run)[0]
+    np.testing.assert_array_equal(missing, ~run.recorded[:-1])
+    assert missing.sum() == (~even.recorded).sum() > 20
+    assert (moved(run, 1).control[missing] != run.control[missing]).all()
+
+
+@pytest.mark.parametrize(
+    ("goes_on", "noise", "rows", "moves"),
+    [
+        (True, 8e-4, [14], True),
+        (True, 2e-3, [14, 14, 26], True),
+        (False, 2e-3, [14, 14, 26], False),
+        (True, 0.1, [14, 14, 26], False),  # nothing tells
+    ],
+)
+def test_pieces_around_gaps_grow_until_one_way_agrees_better(
+    model, monkeypatch, goes_on: bool, noise: float, rows: list[int], moves: bool
+) -> None:
+    first, second = recordings(model, goes_on, noise=noise)
+    held, seen, lay = make_machine(model, [first], [second]), [], module.lay
+    monkeypatch.setattr(module, "lay", lambda runs, pieces: seen.append(lay(runs, pieces)) or seen[-1])
+    assert (as_the_machine_moved(held, 1) is not held) == moves
+    assert [segments.intervals for segments in seen[::2]] == rows
+
+
 def test_controls_go_on_along_splines_of_a_degree(model) -> None:
     time = np.arange(40) * 0.01
     columns = {"time": time, "qpos.hip": np.sin(time), "ctrl.drive": 1e3 * time**2}
@@ -70,6 +105,19 @@ def test_controls_go_on_along_splines_of_a_degree(model) -> None:
     np.testing.assert_allclose(curved, columns["ctrl.drive"][:-1], atol=1e-9)
     np.testing.assert_allclose(straight[[10, 20, 21]], [10.1, 40.2 + 0.5, 44.4 + 0.1], atol=0.5)
     np.testing.assert_allclose(straight[10], (8.1 + 12.1) / 2)
+
+
+@pytest.mark.parametrize(("degree", "wrong"), [(1, 1e3 * 1e-4), (3, 0.0)])
+def test_guesses_are_as_unsure_as_they_would_be_at_the_recorded_row_before(model, degree: int, wrong: float) -> None:
+    """Of a parabola, lines miss the middle by half its curvature, and splines nothing."""
+    time = np.arange(40) * 0.01
+    columns = {"time": time, "qpos.hip": np.sin(time), "ctrl.drive": 1e3 * time**2}
+    gaps = Recording.from_columns("gaps", {name: np.delete(column, [10, 20, 21]) for name, column in columns.items()})
+    run = make_run(gaps, model, Channels.of(model, [gaps]))
+    assert run.unsure is None
+    unsure = moved(run, degree).unsure[:, 0]
+    np.testing.assert_allclose(unsure[[10, 20, 21]], wrong, atol=1e-9)
+    assert not np.delete(unsure, [10, 20, 21]).any()
 
 
 def test_controls_of_a_slow_recording_are_held_between_its_rows(model) -> None:
@@ -132,3 +180,4 @@ def test_rows_of_a_faster_recording_are_not_missing(model) -> None:
     run = make_run(slow, model, Channels.of(model, [slow]), clock=0.01)
     assert (~run.recorded).sum() == 59
     assert not module._in_gaps(run)[0].any()
+    assert moved(run, 1) is run

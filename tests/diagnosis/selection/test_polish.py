@@ -6,8 +6,10 @@ import numpy as np
 import pytest
 
 from torch_activegp.diagnosis.selection.compared import Selection
-from torch_activegp.diagnosis.selection.polish import _near, polish, shared
+from torch_activegp.diagnosis.selection.polish import _again, _in_fewer_axes, _near, polish, shared
 from torch_activegp.diagnosis.shooting.score import Score
+
+MODULE = "torch_activegp.diagnosis.selection.polish"
 
 
 def test_a_rival_also_begins_from_the_parameters_of_the_best_where_these_are_others(bench) -> None:
@@ -48,7 +50,7 @@ def test_what_comes_on_top_of_the_best_set_is_not_fitted_again_for_what_it_may_b
 @pytest.mark.parametrize(("cut_short", "lost"), [(False, True), (True, True), (True, False)])
 def test_the_best_set_and_its_rivals_end_at_their_optimum(bench, monkeypatch, cut_short, lost) -> None:
     """Not its rivals where the search was cut short and much is left: nothing explains what is missing then."""
-    monkeypatch.setattr("torch_activegp.diagnosis.selection.polish.NOISE_ALONE", 0.5 if lost else 1.1)
+    monkeypatch.setattr(f"{MODULE}.NOISE_ALONE", 0.5 if lost else 1.1)
     friction, push = bench.effect("viscous_friction"), bench.effect("constant_force")
     optimum = bench.fit("viscous_friction", 0.05)
     starts = optimum.starts.copy()
@@ -70,7 +72,6 @@ def test_the_best_set_and_its_rivals_end_at_their_optimum(bench, monkeypatch, cu
 @pytest.mark.parametrize(("creeps", "times"), [(0.0, 3), (1e-2, 1)])
 def test_what_creeps_is_not_polished_over_and_over(bench, monkeypatch, creeps: float, times: int) -> None:
     """A tuned arm with 29 parameters gained 1 in 17000 each time, and so did its rivals."""
-    module = "torch_activegp.diagnosis.selection.polish"
     friction = bench.effect("viscous_friction")
     fit, asked = bench.fit("viscous_friction", 0.05), []
 
@@ -78,9 +79,9 @@ def test_what_creeps_is_not_polished_over_and_over(bench, monkeypatch, creeps: f
         asked.append(1)
         return dataclasses.replace(fit, chi2=fit.chi2 - min(len(asked), 3))
 
-    monkeypatch.setattr(f"{module}.chained", chained)
-    monkeypatch.setattr(f"{module}._CREEPS", creeps)
-    monkeypatch.setattr(f"{module}._POLISHES", 3)
+    monkeypatch.setattr(f"{MODULE}.chained", chained)
+    monkeypatch.setattr(f"{MODULE}._CREEPS", creeps)
+    monkeypatch.setattr(f"{MODULE}._POLISHES", 3)
     chosen = Selection(bench.nominal, [bench.nominal, fit], Score(bench.shooting.samples, 5, 1.0))
     polish(bench.shooting, chosen, [friction])
     assert len(asked) == times
@@ -112,8 +113,61 @@ def test_a_set_that_was_overtaken_is_shown_the_way_of_the_other(bench, monkeypat
         shown.append((fit.effects[0].name, best.effects[0].name))
         return dataclasses.replace(fit, chi2=wet.chi2 - 50.0 if fit is near else wet.chi2 - 60.0)
 
-    monkeypatch.setattr("torch_activegp.diagnosis.selection.polish._again", again)
+    monkeypatch.setattr(f"{MODULE}._again", again)
     chosen = Selection(bench.nominal, [bench.nominal, wet, near], Score(bench.shooting.samples, 5, 1.0))
     polish(bench.shooting, chosen, [wet.effects[0], drag])
     assert shown[:2] == [("quadratic_drag", "viscous_friction"), ("viscous_friction", "quadratic_drag")]
     assert chosen.best.effects == wet.effects
+
+
+def test_a_rival_takes_the_states_of_the_best_where_these_are_better_and_its_own_derivatives_else(
+    bench, monkeypatch
+) -> None:
+    wet, drag = bench.fit("viscous_friction", 0.05), bench.effect("quadratic_drag")
+    (rival,) = bench.shooting.fit([((drag,), (np.array([0.03]),))], wet.starts, rounds=0)
+    assert _again(bench.shooting, rival, wet).chi2 < rival.chi2 - 20.0  # fitted from where it is
+    better = dataclasses.replace(rival, chi2=rival.chi2 - 5.0)
+    monkeypatch.setattr(f"{MODULE}.borrowed", lambda shooting, fit, other: better)
+    assert _again(bench.shooting, rival, wet) is better
+    monkeypatch.setattr(f"{MODULE}.borrowed", lambda shooting, fit, other: fit)
+    assert _again(bench.shooting, bench.nominal, wet).chi2 == bench.nominal.chi2  # no parameter to fit
+
+
+@pytest.mark.parametrize(("known", "asked"), [(None, True), (0.0, False), (8.0, False), (10.0, True)])
+def test_an_axis_less_is_tried_but_where_it_was_fitted_as_well(bench, monkeypatch, known, asked: bool) -> None:
+    """`known` is what a fit of that left more, chi2."""
+    wet, drag = bench.fit("viscous_friction", 0.05), bench.effect("quadratic_drag")
+    less = ((drag,), (np.array([0.05]),))
+    monkeypatch.setattr(f"{MODULE}.in_fewer_axes", lambda fit, effects: [less])
+    fits = [bench.nominal, wet]
+    if known is not None:
+        fits.append(dataclasses.replace(wet, effects=(drag,), chi2=wet.chi2 + known))
+    chosen = Selection(bench.nominal, fits, Score(bench.shooting.samples, 5, 1.0))
+    assert _in_fewer_axes(chosen, [wet], bench.effects) == ([less] if asked else [])
+
+
+def test_a_best_set_that_ends_where_no_machine_can_be_stays_as_it_was(bench, monkeypatch) -> None:
+    two_waves = bench.effect("cogging").more
+    assert two_waves is not None
+    apart, alike = (np.array([0.1] * two_waves.linear + periods) for periods in ([8.0, 40.0], [8.0, 8.0]))
+    assert two_waves.plausible(apart)
+    assert not two_waves.plausible(alike)
+    best = dataclasses.replace(bench.nominal, effects=(two_waves,), values=(apart,), chi2=0.5 * bench.nominal.chi2)
+    monkeypatch.setattr(f"{MODULE}.chained", lambda _, fit: dataclasses.replace(best, values=(alike,), chi2=1.0))
+    chosen = Selection(bench.nominal, [bench.nominal, best], Score(bench.shooting.samples, 5, 1.0), cut_short=True)
+    polish(bench.shooting, chosen, bench.effects)
+    assert chosen.best is best
+
+
+def test_what_says_the_same_elsewhere_and_what_may_have_ended_short_is_looked_for_once(bench, monkeypatch) -> None:
+    """The rounds that follow are for what the sets show each other."""
+    fit, asked, reach, gains = bench.fit("viscous_friction", 0.05), [], [], iter((50.0, 100.0, 100.0))
+    monkeypatch.setattr(f"{MODULE}.elsewhere", lambda best, effects: asked.append(best) or [])
+    monkeypatch.setattr(f"{MODULE}._near", lambda selection, best, gained, stuck: reach.append(stuck) or [])
+    monkeypatch.setattr(f"{MODULE}.chained", lambda _, fit: dataclasses.replace(fit, chi2=fit.chi2 - next(gains)))
+    chosen = Selection(bench.nominal, [bench.nominal, fit], Score(bench.shooting.samples, 5, 1.0))
+    polish(bench.shooting, chosen, list(fit.effects))
+    assert len(asked) == 1
+    assert len(reach) == 3
+    assert reach[0] > 0.0
+    assert reach[1:] == [0.0, 0.0]

@@ -46,6 +46,19 @@ def test_what_hides_behind_a_tuning_shows_beside_it(screened) -> None:
     assert beside(screened, PRICE, 0.0, 1.2 * worth) == []
 
 
+@pytest.mark.parametrize(("share", "asked"), [(0.8, True), (1.5, False)])
+def test_what_hides_comes_after_what_explains_more_and_hides_nothing(screened, share: float, asked: bool) -> None:
+    """A drag that gains this part of what the spring gains; damping and rotor gain as little beside it as alone."""
+    hidden = screened.atoms[0]
+    normal, gradient = screened.normal.copy(), screened.gradient + screened.normal[:, 2:] @ np.array([0.2, 0.2])
+    worth = beside(dataclasses.replace(screened, gradient=gradient), PRICE, 0.0, 0.0)
+    most = screened.joint_gain(worth[0])
+    normal[1, :], normal[:, 1] = 0.0, 0.0
+    normal[1, 1], gradient[1] = 1.0, np.sqrt(share * most)
+    found = beside(dataclasses.replace(screened, normal=normal, gradient=gradient), PRICE, 0.0, 0.0)
+    assert [some[0].effect for some in found] == ([hidden.effect] if asked else [])
+
+
 def test_what_gains_as_much_alone_hides_nothing(screened) -> None:
     """The same, but damping and rotor are off by themselves."""
     gradient = screened.gradient + screened.normal[:, 2:] @ np.array([3.0, -2.0])
@@ -90,6 +103,8 @@ def test_what_is_undone_comes_on_top_of_a_set(bench) -> None:
     assert effects == (*fit.effects, atom.effect)
     np.testing.assert_allclose(values[-1], 0.06)
     assert undone(fit, found, 100.0) == []
+    drag = dataclasses.replace(atom, effect=bench.effect("quadratic_drag"))
+    assert undone(fit, dataclasses.replace(found, atoms=(drag,)), PRICE) == []  # which nobody tunes
 
 
 def test_a_tuning_gains_less_alone_than_beside_what_it_hides(bench) -> None:
@@ -113,6 +128,33 @@ def test_a_tuning_gains_less_alone_than_beside_what_it_hides(bench) -> None:
     assert only_undoes(nominal, fit(800.0, count=3), fit(300.0), best)
     assert not only_undoes(nominal, fit(100.0, count=3), fit(300.0), best)
     assert only_undoes(nominal, fit(700.0), fit(300.0), fit(0.0, damping=-0.1))  # a damping that drives
+
+
+@pytest.mark.parametrize(
+    ("name", "damping", "others", "undoes"),
+    [
+        ("viscous_friction", -0.1, (), True),
+        ("viscous_friction", 0.1, (), False),
+        ("quadratic_drag", -0.1, (), False),  # nobody tunes it
+        ("viscous_friction", -0.1, ("joint:knee",), False),  # of another joint it says nothing
+    ],
+)
+def test_a_damping_below_zero_says_that_its_joint_was_tuned(bench, name: str, damping: float, others, undoes) -> None:
+    wet, gain = bench.effect(name), bench.effect("actuator_gain", "actuator:drive")
+    assert gain.acts_on == wet.acts_on
+    tunable = (wet, *(dataclasses.replace(bench.effect("armature_error"), target=target) for target in others))
+    values = (np.array([damping]),) * len(tunable)
+    best = dataclasses.replace(bench.nominal, chi2=0.0, effects=tunable, values=values)
+    alone, nominal, without = (dataclasses.replace(best, chi2=chi2) for chi2 in (300.0, 1000.0, 700.0))
+    assert only_undoes(nominal, alone, without, best) is undoes
+
+
+def test_a_damping_below_zero_is_no_evidence_where_it_does_not_undo_anything(bench) -> None:
+    wet, gain = bench.effect("viscous_friction"), bench.effect("actuator_gain", "actuator:drive")
+    best = dataclasses.replace(bench.nominal, chi2=0.0, effects=(wet, gain), values=(np.array([-0.1]), np.array([1.1])))
+    alone = dataclasses.replace(best, chi2=300.0, effects=(gain,), values=(np.array([1.1]),))
+    nominal, without = (dataclasses.replace(bench.nominal, chi2=chi2) for chi2 in (1000.0, 700.0))
+    assert not only_undoes(nominal, alone, without, best)
 
 
 @pytest.mark.parametrize("tuned", [True, False])
@@ -163,13 +205,16 @@ def test_three_corrections_say_which_joints_were_tuned(bench, monkeypatch, count
 @pytest.mark.parametrize(("count", "needed", "left", "tuned"), [
     (4, True, 1.05, True), (3, True, 1.05, False), (4, False, 1.05, False), (4, True, 1.2, False),
 ])  # fmt: skip
+@pytest.mark.parametrize("alone", [0.0, 0.6])
 def test_many_corrections_that_no_few_names_make_up_for_are_a_tuning(
-    bench, monkeypatch, count: int, needed: bool, left: float, tuned: bool
+    bench, monkeypatch, count: int, needed: bool, left: float, tuned: bool, alone: float
 ) -> None:
+    """But where one that is tunable gains much `alone`: who had tuned would have found it."""
     monkeypatch.setattr("torch_activegp.diagnosis.selection.tuning.only_undoes", lambda *_: False)
     monkeypatch.setattr("torch_activegp.diagnosis.selection.tuning.fitted", lambda *_: bench.nominal)
     damping, rotor = bench.effect("viscous_friction"), bench.effect("armature_error")
     best = dataclasses.replace(bench.fit("viscous_friction", bench.viscous), chi2=left * bench.shooting.dof)
     selection = Selection(bench.nominal, [bench.nominal, best], Score(bench.shooting.samples, 60, 1.0))
-    selection.tunable_gains = {}, 0.0
-    assert is_a_tuning(bench.shooting, selection, [rotor] * count, [damping], needed) is tuned
+    explained = bench.nominal.chi2 - best.chi2
+    selection.tunable_gains = {rotor: alone * explained}, alone * explained
+    assert is_a_tuning(bench.shooting, selection, [rotor] * count, [damping], needed) is (tuned and alone == 0.0)

@@ -104,6 +104,7 @@ class Run:
         left_out: which recorded rows count for nothing: glitches, what a filter made; ``(K + 1,)``; None where none.
         notes: which of its rows were left out, in words.
         filters: what each channel is behind, ``(C,)``; None where that was not looked for.
+        unsure: by how much controls may be off that were guessed in missing rows, ``(K, nu)``; None where none was.
     """
 
     label: str
@@ -121,6 +122,7 @@ class Run:
     left_out: NDArray[np.bool_] | None = None
     notes: tuple[str, ...] = ()
     filters: tuple[SteepFilter | None, ...] | None = None
+    unsure: Array | None = None
 
     @property
     def dt(self) -> Array:

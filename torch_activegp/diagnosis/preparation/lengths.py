@@ -13,6 +13,7 @@ from torch_activegp.diagnosis.inputs.runs import Array, median_step
 from torch_activegp.diagnosis.inputs.segments import Segments, cut, halve
 from torch_activegp.diagnosis.noise.model import NoiseModel
 from torch_activegp.diagnosis.preparation.brief_pieces import begun, brief
+from torch_activegp.diagnosis.preparation.unsure_controls import behind_gaps, unsure
 from torch_activegp.diagnosis.shooting.chaining import chained
 from torch_activegp.diagnosis.shooting.fit import Fit
 from torch_activegp.diagnosis.shooting.likelihood import Shooting
@@ -64,10 +65,10 @@ def longest(machine: Machine, forms: Forms, noise: NoiseModel, too_far: float, k
     """The longest segments over which the nominal stays close enough.
 
     A segment is halved where the nominal is too far from it, where it stands out from the others, or where a small
-    error of the initial state grows much. Where both halves of one that stands out are noise, it is cut elsewhere: what
-    struck the machine just where it was cut is made up for by the initial state of the second half. Both strikes of a
-    slide on a stop went so, and nothing was left of a mismatch. A piece may be half of the shortest there. Not where
-    the model itself strikes something.
+    error of the initial state grows much; and cut at a gap where controls that were guessed there matter. Where both
+    halves of one that stands out are noise, it is cut elsewhere: what struck the machine just where it was cut is made
+    up for by the initial state of the second half. Both strikes of a slide on a stop went so, and nothing was left of a
+    mismatch. A piece may be half of the shortest there. Not where the model itself strikes something.
 
     Args:
         machine: model and runs.
@@ -85,15 +86,17 @@ def longest(machine: Machine, forms: Forms, noise: NoiseModel, too_far: float, k
     shortest = _SHORTEST_TOUCHING if forms.stiff else _SHORTEST
     while True:
         out = _stands_out(best, segments, too_far)
-        bad = out | (_growth(best, segments, noise, machine.model.nq) > _GROWTH)
+        guessed = unsure(Shooting(form, segments, noise), best)
+        bad = out | guessed | (_growth(best, segments, noise, machine.model.nq) > _GROWTH)
         long = segments.dt[:, 0] * np.diff(segments.scored, axis=1)[:, 0] > 1.5 * shortest
-        shorter = halve(segments, bad & long)
+        middle = np.where(guessed, behind_gaps(segments), 0.5)
+        shorter = halve(segments, bad & long, middle)
         if shorter.size == segments.size:
             return Lengths(segments, best, whole, form)
         fit = _with_new(Shooting(form, shorter, noise), forms.stiff, segments, best)
         hidden = out & long & ~_loud(fit, shorter, segments)
         if hidden.any() and not forms.stiff:
-            elsewhere = halve(segments, bad & long, np.where(hidden, _ELSEWHERE, 0.5))
+            elsewhere = halve(segments, bad & long, np.where(hidden, _ELSEWHERE, middle))
             if elsewhere.size == shorter.size:  # no piece would be too short
                 shorter, fit = elsewhere, _with_new(Shooting(form, elsewhere, noise), forms.stiff, segments, best)
         best, segments = fit, shorter

@@ -86,7 +86,7 @@ def _overdamped(fit: Fit, effects: Sequence[Effect]) -> bool:
     """Whether a viscous friction comes out below zero on every joint that some effects act on."""
     pairs = list(zip(fit.effects, fit.values, strict=True))
     joints = {e.target for e, v in pairs if e in effects and e.name == "viscous_friction" and v[0] < 0.0}
-    return bool(joints) and all(e.acts_on in joints for e in effects)
+    return all(e.acts_on in joints for e in effects)
 
 
 def _bar(shares: Sequence[float], count: int) -> float:
