@@ -7,7 +7,7 @@ import pytest
 
 from torch_activegp.data import Recording
 from torch_activegp.diagnosis.inputs.machine import Machine, make_machine
-from torch_activegp.diagnosis.inputs.runs import Channels, make_run
+from torch_activegp.diagnosis.inputs.runs import Channels, Run, make_run
 from torch_activegp.diagnosis.inputs.segments import cut, halve
 from torch_activegp.diagnosis.noise.model import NoiseModel
 from torch_activegp.diagnosis.preparation.lengths import longest, uncut
@@ -35,6 +35,10 @@ def machine_with_gaps(model, rough: float) -> Machine:
     return dataclasses.replace(held, fit=tuple(moved(one, 1) for one in held.fit))
 
 
+def recording_of(run: Run) -> Recording:
+    return Recording.from_columns("run", {"time": run.time, "qpos.hip": run.position[:, 0]})
+
+
 @pytest.mark.parametrize("rough", [0.0, 0.3])
 def test_segments_are_cut_at_gaps_where_guessed_controls_matter(model, rough: float) -> None:
     machine = machine_with_gaps(model, rough)
@@ -48,6 +52,19 @@ def test_segments_are_cut_at_gaps_where_guessed_controls_matter(model, rough: fl
         left = found.nominal.chi2 / found.segments.samples.sum()
         assert left < 1.3
         assert found.uncut.chi2 / uncut(machine).samples.sum() > left + 0.3
+
+
+@pytest.mark.parametrize(("rough", "step", "shows"), [(0.0, 5e-4, False), (2.0, 5e-4, True), (2.0, 1e-9, False)])
+def test_a_rounded_clock_matters_where_controls_leap(model, rough: float, step: float, shows: bool) -> None:
+    """It says when they do so."""
+    run, rng = machine_with_gaps(model, 0.0).fit[0], np.random.default_rng(0)
+    time = np.round((run.time + 1e-3 * rng.uniform(-1.0, 1.0, len(run.time))) / step) * step
+    control = run.control + rough * rng.normal(size=run.control.shape)
+    rounded = dataclasses.replace(run, time=time, control=control, unsure=None, recorded=np.ones_like(run.recorded))
+    segments, engine = cut([rounded], 1.0, 0.0), Engine(model, Channels.of(model, [recording_of(run)]), 2)
+    shooting = Shooting(engine, segments, NoiseModel.white(np.array([NOISE])))
+    fit = shooting.fit([((), ())], engine.starts(segments), rounds=1, hold=True)[0]
+    assert unsure(shooting, fit).any() == shows
 
 
 def test_known_controls_are_not_simulated_twice(bench, monkeypatch) -> None:

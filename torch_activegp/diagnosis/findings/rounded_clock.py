@@ -5,10 +5,9 @@ from __future__ import annotations
 import dataclasses
 
 import numpy as np
-import torch
 
-from torch_activegp.data.noise import quantum
-from torch_activegp.diagnosis.inputs.runs import Array, Run
+from torch_activegp.diagnosis.inputs.rounded_times import rounding
+from torch_activegp.diagnosis.inputs.runs import Array
 from torch_activegp.diagnosis.preparation.rivals import beside
 from torch_activegp.diagnosis.selection.judge import VISIBLE_SOMEWHERE
 from torch_activegp.diagnosis.shooting.fit import Fit
@@ -18,18 +17,6 @@ _TOGETHER = 16
 """Segments whose derivatives by all of their rows' times are kept at once."""
 _BY_CHANCE = 3.0
 """Standard deviations of the chi2 of noise alone in a segment that are none of its mismatch."""
-_FINE = 0.2
-"""Part of a row's length that a step of the clock is at most: rows may be so many ticks of an exact clock apart."""
-_DIGITS = 9
-"""Decimals of times, s, that are not rounding errors of their differences."""
-
-
-def rounding(run: Run) -> float:
-    """The step to which the times of a run were rounded, s; zero where rows are even, or no step shows."""
-    beside_another = run.recorded[1:] & run.recorded[:-1]  # rows that were filled in are at no recorded time
-    lengths = np.round(run.dt[beside_another], _DIGITS)
-    step = quantum(torch.from_numpy(lengths)) if len(lengths) else 0.0
-    return step if step < _FINE * float(np.median(run.dt)) else 0.0
 
 
 def left_beside_rounding(shooting: Shooting, nominal: Fit) -> Array:

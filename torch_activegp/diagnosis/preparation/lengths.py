@@ -65,10 +65,10 @@ def longest(machine: Machine, forms: Forms, noise: NoiseModel, too_far: float, k
     """The longest segments over which the nominal stays close enough.
 
     A segment is halved where the nominal is too far from it, where it stands out from the others, or where a small
-    error of the initial state grows much; and cut at a gap where controls that were guessed there matter. Where both
-    halves of one that stands out are noise, it is cut elsewhere: what struck the machine just where it was cut is made
-    up for by the initial state of the second half. Both strikes of a slide on a stop went so, and nothing was left of a
-    mismatch. A piece may be half of the shortest there. Not where the model itself strikes something.
+    error of the initial state grows much; and where controls that are not quite known matter, at a gap if there is one.
+    Where both halves of one that stands out are noise, it is cut elsewhere: what struck the machine just where it was
+    cut is made up for by the initial state of the second half. Both strikes of a slide on a stop went so, and nothing
+    was left of a mismatch. A piece may be half of the shortest there. Not where the model itself strikes something.
 
     Args:
         machine: model and runs.

@@ -1,4 +1,4 @@
-"""Controls of rows that a recording misses are guesses: how far they move a simulation, and where to cut it."""
+"""Controls that are not quite known, in missing rows or by a rounded clock: how far they move simulations."""
 
 from __future__ import annotations
 
@@ -7,38 +7,48 @@ import dataclasses
 import numpy as np
 from numpy.typing import NDArray
 
-from torch_activegp.diagnosis.inputs.runs import Array
+from torch_activegp.diagnosis.inputs.rounded_times import rounding
+from torch_activegp.diagnosis.inputs.runs import Array, Run
 from torch_activegp.diagnosis.inputs.segments import Segments
 from torch_activegp.diagnosis.preparation.rivals import beside
 from torch_activegp.diagnosis.shooting.fit import Fit
 from torch_activegp.diagnosis.shooting.likelihood import Shooting
 
 _MUCH = 0.05
-"""Chi2 per degree of freedom by which guesses may be wrong in a segment."""
+"""Chi2 per degree of freedom by which controls that are off may move a segment."""
 
 
 def unsure(shooting: Shooting, fit: Fit) -> NDArray[np.bool_]:
-    """The segments in which guessed controls may move what no initial state makes up for, ``(S,)``.
+    """The segments in which controls may be off by what moves more than initial states make up for, ``(S,)``.
 
-    Each lost row leaves a small leap of the speed, which counts the more the longer a simulation goes on. An arm of six
-    joints under a controller left 1.4 times the noise so in segments of 1 s, as if something were missing.
+    Each lost row leaves a small leap of the speed, and so does a time that was rounded at uneven rows, for a control
+    acts as long as the clock says. That counts the more the longer a simulation goes on: in segments of 1 s an arm of
+    six joints whose controller reacts to every row left 1.4 times the noise with 3 % of the rows lost, and one of two
+    joints 1.3 times by a clock in steps of 0.1 ms, as if something were missing; in 0.25 s the noise alone.
 
     Args:
         shooting: the likelihood.
         fit: with derivatives by the initial states.
     """
     segments = shooting.segments
-    if all(run.unsure is None for run in segments.runs):
+    off = [_off(run) for run in segments.runs]
+    if not any(one.any() for one in off):
         return np.zeros(segments.size, dtype=bool)
-    runs = (
-        run if run.unsure is None else dataclasses.replace(run, control=run.control + run.unsure)
-        for run in segments.runs
-    )
+    runs = (dataclasses.replace(run, control=run.control + one) for run, one in zip(segments.runs, off, strict=True))
     other = dataclasses.replace(shooting, segments=dataclasses.replace(segments, runs=tuple(runs)))
     assert fit.design is not None
     apart = np.nan_to_num(shooting.noise.whiten(segments, other.predicted(fit) - shooting.predicted(fit)))
     moved = (beside(fit.design, apart) ** 2).sum(axis=1)
     return np.asarray(moved > _MUCH * segments.samples)
+
+
+def _off(run: Run) -> Array:
+    """By how much the mean control of each interval may be off, ``(K, nu)``; errors of rounding are drawn."""
+    guessed, step = np.zeros_like(run.control) if run.unsure is None else run.unsure, rounding(run)
+    if not step:
+        return guessed
+    late = step * np.random.default_rng(0).uniform(-0.5, 0.5, (len(run.control), 1))
+    return np.asarray(guessed - np.diff(run.control, axis=0, prepend=run.control[:1]) * late / run.dt[:, None])
 
 
 def behind_gaps(segments: Segments) -> Array:
