@@ -157,7 +157,7 @@ def test_a_hopeless_form_is_given_up_after_one_fit(clean, monkeypatch) -> None:
     assert engine is made.fine
     assert max(settled) < 2.0
     once = len(settled)
-    monkeypatch.setattr(numerics, "_too_far", lambda *_: np.inf)
+    monkeypatch.setattr(numerics, "too_far", lambda *_: np.inf)
     made.choose(shooting.segments, shooting.noise, nominal, nominal)
     assert len(settled) == 2 * once
     assert max(settled) < 2.0
@@ -244,25 +244,32 @@ def test_where_something_touches_only_forms_that_are_close_in_brief_pieces_are_f
     assert [(rival.engine, rival.left) for rival in found] == [(made.fine, 109.0), (made.own[1], 100.0)]
 
 
-@pytest.mark.parametrize(("left", "asked"), [(1.04, []), (1.06, [1, 2])])
-def test_where_something_touches_shorter_steps_are_asked_last_and_only_for_more_than_noise(
-    clean, monkeypatch, left: float, asked: list[int]
+@pytest.mark.parametrize(
+    ("left", "gains", "asked", "begun"),
+    [(1.04, 0.0, [], [1]), (1.07, 0.005, [1], [1, 2]), (1.2, 0.02, [1, 2], [1, 2, 3]), (2.5, 0.04, [1, 2], [])],
+)
+def test_where_something_touches_shorter_steps_are_asked_last_as_long_as_they_leave_less(
+    clean, monkeypatch, left: float, gains: float, asked: list[int], begun: list[int]
 ) -> None:
+    """And where little is left, each form begins where the best one ended."""
     made = dataclasses.replace(Numerics.of(clean.integrated("Euler", 0.01), 1), stiff=True)
     shooting = truth_of(clean, made, "fine")
     fit = shooting.fit([((), ())], clean.nominal.starts)[0]
     own = made.own[1:3]
     rivals = [Rival(form, np.zeros(0), 90.0 + i, 90.0) for i, form in enumerate((*own, made.given, made.fine))]
     fitted: list = []
+    done: list = []
 
     def work(self, rival, first, rough, lost):
-        fitted.append(rival.engine)
-        return shooting, dataclasses.replace(fit, chi2=left * first.dof)
+        fitted.append((rival.engine, rough))
+        done.append(dataclasses.replace(fit, chi2=(left - gains * (len(fitted) - 1)) * first.dof))
+        return shooting, done[-1]
 
     monkeypatch.setattr(Numerics, "_working", work)
     made._race(rivals, shooting, fit, [], shooting.dof)
-    assert set(fitted[:2]) == {made.given, made.fine}
-    assert [made.own.index(form) for form in fitted[2:]] == asked
+    assert {form for form, _ in fitted[:2]} == {made.given, made.fine}
+    assert [made.own.index(form) for form, _ in fitted[2:]] == asked
+    assert [number for number, (_, rough) in enumerate(fitted) if number and rough is done[number - 1]] == begun
 
 
 @pytest.mark.parametrize(("integrator", "tried"), [("Euler", [7]), ("RK4", [0, 7])])
@@ -403,14 +410,6 @@ def test_a_name_that_may_be_half_a_time_step_is_left_out_where_the_own_integrato
     assert (engine, best.effects) == (truth, ())
 
 
-def test_a_form_is_given_up_by_what_was_expected_of_the_best_one(clean) -> None:
-    """A fit gains more than is seen to first order; forms that are not fitted yet may gain as much."""
-    results = [(100.0, clean.engine, clean.shooting, clean.nominal, 120.0)]
-    results.append((110.0, clean.engine, clean.shooting, clean.nominal, 500.0))
-    assert numerics._too_far(results, False) == pytest.approx(120.0 + numerics._BARE_BEHIND)
-    assert numerics._too_far(results, True) == pytest.approx(100.0 * (1.0 + numerics._BEHIND) + numerics._FAR_BEHIND)
-
-
 @pytest.mark.parametrize(("late", "fitted"), [(0.002, 2), (0.05, 1)])
 def test_behind_a_delay_of_a_few_steps_all_forms_are_fitted(clean, monkeypatch, late: float, fitted: int) -> None:
     """A form that has controls early wants a longer one, which seems far off by another one."""
@@ -425,7 +424,7 @@ def test_behind_a_delay_of_a_few_steps_all_forms_are_fitted(clean, monkeypatch, 
 
     monkeypatch.setattr(Numerics, "_working", work)
     monkeypatch.setattr(Numerics, "_own_behind", lambda self, *a: a[1:4])
-    monkeypatch.setattr(numerics, "_too_far", lambda *_: -np.inf)
+    monkeypatch.setattr(numerics, "too_far", lambda *_: -np.inf)
     monkeypatch.setattr(numerics, "distinct", lambda rivals, *_: rivals)
     rivals = [Rival.at(shooting, form, rough) for form in (made.given, made.fine)]
     made._race(rivals, shooting, rough, [], shooting.dof)

@@ -6,7 +6,8 @@ import mujoco
 import numpy as np
 import pytest
 
-from torch_activegp.diagnosis.preparation.rivals import Rival, closest_by_one, distinct
+from torch_activegp.diagnosis.preparation import rivals
+from torch_activegp.diagnosis.preparation.rivals import Rival, closest_by_one, distinct, too_far
 from torch_activegp.diagnosis.simulation.engine import Engine
 
 
@@ -81,3 +82,10 @@ def test_the_closest_length_of_step_is_told_better_by_one_that_is_close(clean, m
     tried.clear()  # so far off, one length tells nothing: another one is simulated, though none seems to be close
     closest_by_one(forms[1:], rivals, fine, clean.shooting, fit, least=0.0)
     assert tried == [12]
+
+
+def test_a_form_is_given_up_by_what_was_expected_of_the_best_one() -> None:
+    """A fit gains more than is seen to first order; forms that are not fitted yet may gain as much."""
+    results = [(100.0, "the best", 120.0), (110.0, "another", 500.0)]
+    assert too_far(results, much=False) == pytest.approx(120.0 + rivals._BARE_BEHIND)
+    assert too_far(results, much=True) == pytest.approx(100.0 * (1.0 + rivals._BEHIND) + rivals._FAR_BEHIND)

@@ -20,6 +20,12 @@ _FAR_OFF = 2.0
 _ALIKE, _ALIKE_ABRUPT = 1.0, 0.25
 """Chi2 by which two forms differ that nothing tells apart, and where something sticks."""
 
+_BEHIND, _FAR_BEHIND, _BARE_BEHIND = 0.02, 50.0, 10.0
+"""Where one leaves noise alone, others are not fitted that cost more to first order: by a part of its cost and so much
+chi2 (parameters may move far, and the model's own form comes before others), or by so much where initial states alone
+are fitted. Not where something touches or sticks, nor behind a delay of few steps, which is longer by a form that has
+controls early: behind drag and two of half a step Runge-Kutta was not tried, which wanted drag alone."""
+
 
 @dataclasses.dataclass(frozen=True, eq=False)
 class Rival:
@@ -109,6 +115,20 @@ def closest_by_one(
         known = Rival.at(shooting, form, rough)
         found.append(known)
     return sorted(found, key=lambda rival: -rival.left)
+
+
+def too_far(results: Sequence[tuple[float, *tuple[object, ...], float]], much: bool) -> float:
+    """The cost, as it is seen to first order, from which on a form is not fitted, whether by much.
+
+    Else it is compared with what was expected of the best one: its fit gained more than was seen to first order, and so
+    may others' fits.
+
+    Args:
+        results: cost of each form that was fitted, anything, and what it was seen to cost to first order.
+        much: whether a form must be seen to cost much more.
+    """
+    cost, *_, expected = min(results, key=lambda result: result[0])
+    return cost + _BEHIND * cost + _FAR_BEHIND if much else max(cost, expected) + _BARE_BEHIND
 
 
 def _unexplained(fit: Fit, left: Array) -> float:
