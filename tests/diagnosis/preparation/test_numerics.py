@@ -429,3 +429,29 @@ def test_behind_a_delay_of_a_few_steps_all_forms_are_fitted(clean, monkeypatch, 
     rivals = [Rival.at(shooting, form, rough) for form in (made.given, made.fine)]
     made._race(rivals, shooting, rough, [], shooting.dof)
     assert len(worked) == fitted
+
+
+@pytest.mark.parametrize(("stiff", "fails", "asked"), [(True, False, 2), (True, True, 2), (False, False, 0)])
+def test_where_something_touches_all_data_are_fitted_first_by_the_form_that_is_known_to_be_close(
+    clean, monkeypatch, stiff: bool, fails: bool, asked: int
+) -> None:
+    made = dataclasses.replace(Numerics.of(clean.integrated("Euler", 0.01), 1), stiff=stiff)
+    working, begin = dataclasses.replace(truth_of(clean, made, "fine"), engine=made.coarse), clean.nominal
+    ends = [dataclasses.replace(begin, chi2=np.inf if fails else 2.0), dataclasses.replace(begin, chi2=1.0)]
+    begun: list = []
+
+    def settled(shooting, engine, judged, *_):
+        begun.append((shooting.engine, judged))
+        return shooting, ends[len(begun) - 1]
+
+    monkeypatch.setattr(numerics, "settled", settled)
+    monkeypatch.setattr(
+        numerics, "first_close", lambda precise, forms, judged, exact, known: (precise, (judged, exact))
+    )
+    _, (judged, exact) = made._on_all(working, made.fine, begin)
+    assert [form for form, _ in begun] == [made.coarse, made.fine][:asked]
+    if not stiff:
+        assert (judged, exact) == (begin, None)
+        return
+    assert begun[1][1] is (begin if fails else ends[0])
+    assert judged is exact is ends[1]

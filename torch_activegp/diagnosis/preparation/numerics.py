@@ -99,9 +99,8 @@ class Numerics(Forms):
             near, nominal = near.beginning(which, judged.starts).pick(part), nominal.pick(part)
             if not np.array_equal(part, which):
                 begin = dataclasses.replace(near, effects=judged.effects, values=judged.values, columns=None)
-                working, judged = self._on_all(
-                    dataclasses.replace(whole.pick(part), engine=working.engine), engine, begin
-                )
+                working = dataclasses.replace(whole.pick(part), engine=working.engine)
+                working, judged = self._on_all(working, engine, begin)
         bare = working.fit([((), ())], nominal.starts, CREEPS, near=nominal)[0] if sets else judged
         if sets and self.stiff:
             precise = dataclasses.replace(working, engine=engine, cheap=self.coarse, offset=None)
@@ -256,16 +255,16 @@ class Numerics(Forms):
     def _on_all(self, working: Shooting, engine: Engine, begin: Fit) -> tuple[Shooting, Fit]:
         """The form that was found on a part of the segments, and the fit to all of them; see :meth:`_working`."""
         precise = dataclasses.replace(working, engine=engine, cheap=self.coarse)
-        exact = None
+        exact, close = None, working.engine
         for form in dict.fromkeys(
-            (working.engine, engine) if self.stiff else ()
-        ):  # the one known to be close costs less
+            (close, engine) if self.stiff else ()
+        ):  # the one that is known to be close costs less
             exact = settled(dataclasses.replace(precise, engine=form), engine, begin)[1]
             begin = exact if np.isfinite(exact.chi2) else begin
         if exact is not None and not np.isfinite(exact.chi2):
             return precise, exact
-        forms = cheaper((working.engine, self.stand_in(engine)), engine, working.segments)
-        return first_close(precise, forms, begin, exact, known=working.engine)
+        forms = cheaper((close, self.stand_in(engine)), engine, working.segments)
+        return first_close(precise, forms, begin, exact, known=close)
 
     def _cheap_ones(self, rival: Rival, precise: Shooting, rough: Fit) -> list[Engine]:
         """What may stand in for an engine, the engine itself last: first the cheapest that is close where they begin.
