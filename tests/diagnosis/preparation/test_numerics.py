@@ -431,27 +431,35 @@ def test_behind_a_delay_of_a_few_steps_all_forms_are_fitted(clean, monkeypatch, 
     assert len(worked) == fitted
 
 
-@pytest.mark.parametrize(("stiff", "fails", "asked"), [(True, False, 2), (True, True, 2), (False, False, 0)])
+@pytest.mark.parametrize(
+    ("ends", "forms", "begun", "last"),
+    [
+        ([2.0, 1.0], ["coarse", "fine"], [None, 0], 1),
+        ([np.inf, 1.0], ["coarse", "fine"], [None, None], 1),  # the one that is close failed
+        ([2.0, np.inf, 1.0], ["coarse", "fine", "fine"], [None, 0, None], 2),  # it led astray
+        ([2.0, np.inf, np.inf], ["coarse", "fine", "fine"], [None, 0, None], None),
+    ],
+)
 def test_where_something_touches_all_data_are_fitted_first_by_the_form_that_is_known_to_be_close(
-    clean, monkeypatch, stiff: bool, fails: bool, asked: int
+    clean, monkeypatch, ends, forms: list[str], begun, last: int | None
 ) -> None:
-    made = dataclasses.replace(Numerics.of(clean.integrated("Euler", 0.01), 1), stiff=stiff)
+    made = dataclasses.replace(Numerics.of(clean.integrated("Euler", 0.01), 1), stiff=True)
     working, begin = dataclasses.replace(truth_of(clean, made, "fine"), engine=made.coarse), clean.nominal
-    ends = [dataclasses.replace(begin, chi2=np.inf if fails else 2.0), dataclasses.replace(begin, chi2=1.0)]
-    begun: list = []
+    fits = [dataclasses.replace(begin, chi2=chi2) for chi2 in ends]
+    seen: list = []
 
     def settled(shooting, engine, judged, *_):
-        begun.append((shooting.engine, judged))
-        return shooting, ends[len(begun) - 1]
+        seen.append((shooting.engine, judged))
+        return shooting, fits[len(seen) - 1]
 
     monkeypatch.setattr(numerics, "settled", settled)
     monkeypatch.setattr(
         numerics, "first_close", lambda precise, forms, judged, exact, known: (precise, (judged, exact))
     )
-    _, (judged, exact) = made._on_all(working, made.fine, begin)
-    assert [form for form, _ in begun] == [made.coarse, made.fine][:asked]
-    if not stiff:
-        assert (judged, exact) == (begin, None)
-        return
-    assert begun[1][1] is (begin if fails else ends[0])
-    assert judged is exact is ends[1]
+    _, found = made._on_all(working, made.fine, begin)
+    assert [form for form, _ in seen] == [getattr(made, name) for name in forms]
+    assert all(fit is (begin if number is None else fits[number]) for (_, fit), number in zip(seen, begun, strict=True))
+    assert found is begin if last is None else found == (fits[last], fits[last])
+    smooth = dataclasses.replace(made, stiff=False)
+    assert smooth._on_all(working, made.fine, begin)[1] == (begin, None)
+    assert len(seen) == len(forms)

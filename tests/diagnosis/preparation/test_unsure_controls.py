@@ -92,10 +92,30 @@ def test_what_initial_states_make_up_for_is_sure(model) -> None:
 def test_the_first_piece_ends_with_the_gap_nearest_to_the_middle(bench) -> None:
     run = bench.machine.fit[0]
     recorded = np.ones(len(run), dtype=bool)
-    recorded[[30, 31, 45, 46]] = False
+    recorded[[5, 75, 76, 115, 116]] = False
     segments = cut([dataclasses.replace(run, recorded=recorded)], 1e9, 0.0)
     last = int(segments.scored[0, 1])
     (share,) = behind_gaps(segments)
-    assert halve(segments, np.array([True]), share).scored.tolist() == [[0, 47], [47, last]]
-    whole = cut([run], 1e9, 0.0)
-    assert behind_gaps(whole).tolist() == [0.5]
+    assert halve(segments, np.array([True]), share).scored.tolist() == [[0, 117], [117, last]]
+    recorded[30:] = True  # one near an end alone
+    for rows in (np.ones_like(recorded), recorded):
+        assert behind_gaps(cut([dataclasses.replace(run, recorded=rows)], 1e9, 0.0)).tolist() == [0.5]
+
+
+def test_what_fails_by_one_of_the_ways_alone_is_unsure(model, monkeypatch) -> None:
+    machine = machine_with_gaps(model, 0.0)
+    numerics, segments = Numerics.of(machine, 1), cut(machine.fit, 0.5, 0.0)
+    shooting = Shooting(numerics.fine, segments, NoiseModel.white(np.array([NOISE])))
+    fit = shooting.fit([((), ())], numerics.fine.starts(segments))[0]
+    assert not unsure(shooting, fit).any()
+    exact, predicted = shooting.predicted(fit), iter(range(2))
+
+    def fails(*_) -> np.ndarray:
+        told = exact.copy()
+        told[1] = np.nan  # by both
+        if next(predicted) == 0:
+            told[2] = np.nan
+        return told
+
+    monkeypatch.setattr(type(shooting), "predicted", fails)
+    assert np.flatnonzero(unsure(shooting, fit)).tolist() == [2]

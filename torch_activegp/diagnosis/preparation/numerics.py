@@ -159,7 +159,7 @@ class Numerics(Forms):
             if least < NOISE_ALONE * first.dof and may_skip and expected > too_far(results, much):
                 continue
             working, judged = self._working(rival, first, begin, lost)
-            vain = rival.engine in spare and judged.chi2 > (1.0 - _GAINS) * least
+            vain = rival.engine in spare and (1.0 - _GAINS) * least < judged.chi2 < np.inf
             if judged.chi2 > lost:
                 continue
             if self.stiff and judged.chi2 < min(least, _NEAR * first.dof):  # farther off, what comes later seems closer
@@ -241,7 +241,11 @@ class Numerics(Forms):
         return float(np.median(segments.dt)) / self.fine.substeps
 
     def _working(self, rival: Rival, first: Shooting, rough: Fit, lost: float) -> tuple[Shooting, Fit]:
-        """The cheapest form that stays close to an engine, corrected by it; it fits as well where something touches."""
+        """The cheapest form that stays close to an engine, corrected by it.
+
+        Where something touches, a correction holds for the instants of touching alone that it was made for; there a
+        form must reach the fit that the engine itself reaches, from there.
+        """
         engine = rival.engine
         precise = dataclasses.replace(first, engine=engine, cheap=self.coarse)
         forms = self._cheap_ones(rival, precise, rough)
@@ -255,16 +259,17 @@ class Numerics(Forms):
     def _on_all(self, working: Shooting, engine: Engine, begin: Fit) -> tuple[Shooting, Fit]:
         """The form that was found on a part of the segments, and the fit to all of them; see :meth:`_working`."""
         precise = dataclasses.replace(working, engine=engine, cheap=self.coarse)
-        exact, close = None, working.engine
-        for form in dict.fromkeys(
-            (close, engine) if self.stiff else ()
-        ):  # the one that is known to be close costs less
-            exact = settled(dataclasses.replace(precise, engine=form), engine, begin)[1]
-            begin = exact if np.isfinite(exact.chi2) else begin
-        if exact is not None and not np.isfinite(exact.chi2):
-            return precise, exact
+        close = working.engine
         forms = cheaper((close, self.stand_in(engine)), engine, working.segments)
-        return first_close(precise, forms, begin, exact, known=close)
+        if not self.stiff:
+            return first_close(precise, forms, begin, None, known=close)
+        led = begin if close is engine else settled(dataclasses.replace(precise, engine=close), engine, begin)[1]
+        tried = [led, begin] if np.isfinite(led.chi2) and led is not begin else [begin]
+        ends = (
+            settled(precise, engine, some)[1] for some in tried
+        )  # from where what is known to be close ends, for less
+        exact = next((fit for fit in ends if np.isfinite(fit.chi2)), None)
+        return (precise, begin) if exact is None else first_close(precise, forms, exact, exact, known=close)
 
     def _cheap_ones(self, rival: Rival, precise: Shooting, rough: Fit) -> list[Engine]:
         """What may stand in for an engine, the engine itself last: first the cheapest that is close where they begin.
