@@ -87,7 +87,7 @@ def test_rows_that_come_early_and_late_are_missing_too(model) -> None:
 @pytest.mark.parametrize(
     ("goes_on", "noise", "rows", "moves"),
     [
-        (True, 8e-4, [14], True),
+        (True, 4e-4, [14], True),
         (True, 2e-3, [14, 26], True),  # 60 ms are six rows too
         (False, 2e-3, [14, 26], False),
         (True, 0.1, [14, 26], False),  # nothing tells
@@ -105,6 +105,17 @@ def test_pieces_around_gaps_grow_until_one_way_agrees_better(
     (one,), (before,) = found.fit, held.fit
     if noise == 0.1:
         np.testing.assert_array_equal(one.unsure, moved(before, 3).control - before.control)
+
+
+@pytest.mark.parametrize(("seconds", "begins"), [(0.03, [14, 34, 54]), (0.12, [8, 48])])
+def test_pieces_around_gaps_do_not_overlap(model, seconds: float, begins: list[int]) -> None:
+    time = np.arange(80) * 0.01
+    columns = {"time": time, "qpos.hip": np.sin(time), "ctrl.drive": np.sin(40.0 * time)}
+    gaps = Recording.from_columns("gaps", {name: np.delete(col, [20, 40, 60]) for name, col in columns.items()})
+    runs = [make_run(gaps, model, Channels.of(model, [gaps]))] * 2
+    found = module._around_gaps(runs, seconds)
+    assert [first for number, first, _, _ in found if number == 0] == begins
+    assert [first for number, first, _, _ in found if number == 1] == begins
 
 
 def test_controls_go_on_along_splines_of_a_degree(model) -> None:

@@ -172,8 +172,8 @@ def _guessed(run: Run) -> tuple[NDArray[np.int64], Array, Array]:
 
 
 def _around_gaps(runs: Sequence[Run], seconds: float) -> list[tuple[int, int, int, int]]:
-    """Pieces of runs that reach so far to either side of a gap in which controls change."""
-    pieces = []
+    """Pieces of runs that reach so far to either side of a gap in which controls change; none overlaps another."""
+    pieces: list[tuple[int, int, int, int]] = []
     for number, run in enumerate(runs):
         differ = (run.control != moved(run, 1).control).any(axis=1)
         begins = np.flatnonzero(differ & ~np.concatenate([[False], differ[:-1]]))
@@ -181,6 +181,8 @@ def _around_gaps(runs: Sequence[Run], seconds: float) -> list[tuple[int, int, in
         reach = max(_ROWS, round(seconds / float(np.median(run.dt))))
         for begin, end in zip(begins.tolist(), ends.tolist(), strict=True):
             first = max(begin - reach, 0)
+            if pieces and pieces[-1][0] == number and first < pieces[-1][-1]:
+                continue
             pieces.append((number, first, first, min(end + reach, len(run) - 1)))
     some = np.linspace(0, len(pieces) - 1, min(_SEEN, len(pieces))).round().astype(int)
     return [pieces[int(i)] for i in some]
