@@ -142,7 +142,7 @@ def _in_gaps(run: Run) -> tuple[NDArray[np.bool_], Array]:
     before = np.clip(np.searchsorted(known, rows, side="right") - 1, 0, len(known) - 2)
     first, last = run.time[known[before]], run.time[known[before + 1]]
     period = float(np.median(np.diff(run.time[known])))
-    # of an uneven clock, on which rows come early or late
+    # its rows as they would be spread there: those of an uneven clock come early or late
     own = (last - first) / np.maximum(np.rint((last - first) / period), 1.0)
     into = np.floor((run.time[rows] - first) / own + 1e-6) * own
     return (last - first > MISSING * period) & (into > 0.0) & ~run.recorded[:-1], first + into

@@ -263,11 +263,10 @@ class Numerics(Forms):
         forms = cheaper((close, self.stand_in(engine)), engine, working.segments)
         if not self.stiff:
             return first_close(precise, forms, begin, None, known=close)
+        # from where the form ends that is known to be close, which costs less
         led = begin if close is engine else settled(dataclasses.replace(precise, engine=close), engine, begin)[1]
         tried = [led, begin] if np.isfinite(led.chi2) and led is not begin else [begin]
-        ends = (
-            settled(precise, engine, some)[1] for some in tried
-        )  # from where what is known to be close ends, for less
+        ends = (settled(precise, engine, some)[1] for some in tried)
         exact = next((fit for fit in ends if np.isfinite(fit.chi2)), None)
         return (precise, begin) if exact is None else first_close(precise, forms, exact, exact, known=close)
 
