@@ -121,7 +121,7 @@ def test_what_is_there_is_skipped_and_shown(run: Run, folder: Path, fake: Fake) 
     assert (folder / "out" / "one" / "diagnosis.json").stat().st_mtime_ns == before
     assert result.stderr == "Skipped, because out holds them: 1 of 2 machines.\n"
     assert "What one" in result.stdout
-    assert "1 machines diagnosed, 1 skipped, 0 failed" in flat(result.stdout)
+    assert "1 machine diagnosed, 1 skipped, 0 failed" in flat(result.stdout)
 
 
 def test_a_result_of_something_else_is_skipped_and_said(run: Run, folder: Path, fake: Fake) -> None:
@@ -145,7 +145,7 @@ def test_a_machine_with_bad_data_stops_no_other_and_is_tried_again(run: Run, fol
     assert "empty: machines/empty: one MJCF file *.xml wanted, found none" in result.stderr
     assert "│ one │ failed │ run1.csv: no excitation." in flat(result.stdout)
     assert "│ two │ none │" in flat(result.stdout)
-    assert "1 machines diagnosed, 0 skipped, 2 failed" in flat(result.stdout)
+    assert "1 machine diagnosed, 0 skipped, 2 failed" in flat(result.stdout)
     fake.errors.clear()
     assert run(*ALL).exit_code == 0
     assert contents(folder / "out") == {"one": RESULTS, "two": RESULTS}

@@ -282,4 +282,4 @@ def test_what_was_decided_about_the_recordings_is_said_before_anything_is_comput
 
     with pytest.raises(KeyboardInterrupt):
         diagnose(bench.xml, [record(), record(), record()], tell=stop)
-    assert "No --holdout: set aside" in caplog.text
+    assert "No held-out runs given: set aside" in caplog.text

@@ -214,3 +214,9 @@ def test_paper_breaks_between_figures_and_rows_and_inside_long_sections_only(fak
     whole = {selector.strip() for selectors, _ in rules for selector in selectors.split(",")}
     assert {"tr", "figure", ".strip"} <= whole
     assert not {"section", ".pair", ".code", "table", ".tiles"} & whole
+
+
+def test_names_between_backticks_are_code_and_nothing_else_is_let_through(fakes: Any) -> None:
+    diagnosis, evidence = fakes["unknown"]()
+    text = render_report(diagnosis | {"sentence": "They differ. Check `ctrl.<a>` & mend it."}, evidence)
+    assert '<p class="more">Check <code>ctrl.&lt;a&gt;</code> &amp; mend it.</p>' in text

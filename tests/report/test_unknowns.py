@@ -40,7 +40,16 @@ def test_the_next_recording(fakes: Any) -> None:
     assert section.heading == "What these recordings cannot tell, and the one that would"
     assert section.content["next"]["separates"] == "actuator gain from payload mass"
     assert section.content["next"]["controls"] == "next.csv"
+    assert section.content["next"]["heading"] == "Record this next"
     assert unknowns(*fakes["named"]()).content["next"] is None
+
+
+def test_what_need_not_be_recorded_is_not_asked_for(fakes: Any) -> None:
+    diagnosis, evidence = fakes["tie"]()
+    diagnosis["next_experiment"] = {**diagnosis["next_experiment"], "needed": False}
+    section = unknowns(diagnosis, evidence)
+    assert section.heading == "What these recordings cannot tell"
+    assert section.content["next"]["heading"] == "If you record more"
 
 
 def test_the_next_recording_tells_parameters_by_their_own_names(fakes: Any) -> None:

@@ -62,7 +62,7 @@ def test_without_a_correction_there_is_one_error(fakes: Any) -> None:
 def test_little_is_said_of_little() -> None:
     assert banner({"verdict": "named"})["sure"] == "The mismatch is real."
     assert banner({"verdict": "none"}) | {"sentence": ""} == {
-        "verdict": "none", "sentence": "", "badge": "No mismatch found", "symbol": "\u2713", "sure": "",
+        "verdict": "none", "sentence": "", "more": "", "badge": "No mismatch found", "symbol": "\u2713", "sure": "",
         "figures": [], "subject": "",
     }  # fmt: skip
 
@@ -79,3 +79,10 @@ def test_the_error_with_a_learned_force_comes_last(fakes: Any) -> None:
     figure = banner(diagnosis)["figures"][-1]
     assert figure["value"].replace("\u00a0", " ") == "31 % \u2192 3 %"
     assert "the last with a learned force" in figure["note"]
+
+
+def test_the_first_sentence_is_the_heading() -> None:
+    text = "They differ (noise 0.2). Check `ctrl.a` first: it is 2.5 times too large. Mend it."
+    found = banner({"verdict": "unknown", "sentence": text})
+    assert found["sentence"] == "They differ (noise 0.2)."
+    assert found["more"] == "Check `ctrl.a` first: it is 2.5 times too large. Mend it."

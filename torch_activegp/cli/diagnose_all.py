@@ -92,7 +92,8 @@ def diagnose_many(
                 progress.advance()
     results.print(_table({name: verdicts[name] for name in names}))
     failed = sum(verdict == _FAILED for verdict, _ in verdicts.values())
-    counts = f"{len(names) - skipped - failed} machines diagnosed, {skipped} skipped, {failed} failed"
+    done = len(names) - skipped - failed
+    counts = f"{done} machine{'' if done == 1 else 's'} diagnosed, {skipped} skipped, {failed} failed"
     _say(f"Done in {show_time(time.perf_counter() - began)}: {counts}. See {out}.", results)
     if failed:
         raise typer.Exit(FAILED)

@@ -39,6 +39,11 @@ def find_model(word: str) -> Path | Simulator:
         some = [*map(str, files[:_SHOWN]), *(["..."] if len(files) > _SHOWN else [])]
         has = f"Give one of {', '.join(some)}." if files else f"Give an MJCF file, {_OTHERS}."
         raise ConfigurationError(f"Wanted a model, found the folder {word!r}. {has}")
+    if path.suffix == SAVED and not path.is_file():
+        raise ConfigurationError(
+            f"Wanted a simulator that a diagnosis saved, found no file {word!r} (working folder: {Path.cwd()}). Where "
+            "corrected.xml holds all that was named, there is no corrected.pt: give that."
+        )
     if not path.is_file():
         raise ConfigurationError(
             f"Unknown model {word!r}{guess(word, KNOWN_MODELS)} Wanted an MJCF file (none is there; working folder: "

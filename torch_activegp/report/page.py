@@ -4,13 +4,14 @@ from __future__ import annotations
 
 import base64
 import hashlib
+import re
 from collections.abc import Mapping
 from importlib.metadata import version
 from pathlib import Path
 from typing import Any
 
 from jinja2 import Environment, PackageLoader, StrictUndefined
-from markupsafe import Markup
+from markupsafe import Markup, escape
 
 from torch_activegp.errors import ConfigurationError, DataError
 from torch_activegp.files import written_whole
@@ -83,6 +84,7 @@ def render_report(diagnosis: Mapping[str, Any], evidence: Mapping[str, Any]) -> 
         trim_blocks=True,
         lstrip_blocks=True,
     )
+    templates.filters["code"] = _with_code
     script = _asset(templates, _SCRIPT)
     digest = base64.b64encode(hashlib.sha256(script.encode()).digest()).decode()
     return templates.get_template("page.html").render(
@@ -93,6 +95,11 @@ def render_report(diagnosis: Mapping[str, Any], evidence: Mapping[str, Any]) -> 
         script_hash=digest,
         version=version("torch-activegp"),
     )
+
+
+def _with_code(text: str) -> Markup:
+    """A sentence with what stands between backticks as code."""
+    return Markup(re.sub(r"`([^`]+)`", r"<code>\1</code>", str(escape(text))))
 
 
 def _asset(templates: Environment, name: str) -> str:

@@ -6,6 +6,7 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from torch_activegp.report.axis import Axis, axis_over
 from torch_activegp.report.chart import Chart, level, steps
@@ -18,6 +19,7 @@ _MOST_RUNS = 24
 _MOST_CHARTS = 24
 _SIGNIFICANT = 0.05
 _WHOLE = 1.005
+_QUIET = 0.5
 _ALL_BUT = 0.02
 """Part of a range that may lie to either side of what is called everywhere."""
 
@@ -113,9 +115,14 @@ def _peak(found: Values) -> float:
 
 
 def _charts(maps: list[Values], looks: Sequence[str], known: Values) -> list[Chart]:
-    heights = [np.ravel(found.get(key) or []) for found in maps for key in looks]
-    y = axis_over("residual force\u00b2 / noise", [0.5, 4.0], *heights, log=True)
+    heights = [_shown(found.get(key) or []) for found in maps for key in looks]
+    y = axis_over("(mean residual force / its standard error)\u00b2", [_QUIET, 4.0], *heights, log=True)
     return [_chart(found, y, looks, known) for found in maps]
+
+
+def _shown(squares: Any) -> NDArray[np.float64]:
+    """Squares as they are drawn: in a bin where little is left, how near its mean comes to zero is an accident."""
+    return np.maximum(np.asarray(squares, dtype=np.float64).ravel(), _QUIET)
 
 
 def _chart(found: Values, y: Axis, looks: Sequence[str], known: Values) -> Chart:
@@ -126,10 +133,10 @@ def _chart(found: Values, y: Axis, looks: Sequence[str], known: Values) -> Chart
     marks = [level("noise-level", y, 1.0, "noise")]
     for look in looks:
         if len(found.get(look) or []):
-            marks.append(steps(look, x, y, (edges, np.where(count > 0, found[look], np.nan)), look))
+            marks.append(steps(look, x, y, (edges, np.where(count > 0, _shown(found[look]), np.nan)), look))
     title = f"{capital(place_name(found['channel']))} over {found['over']}"
     if np.isfinite(before).any():
         worst = int(np.nanargmax(before))
         middle = minus(number((edges[worst] + edges[worst + 1]) / 2, 2))
-        title += f": worst near {middle}, {number(float(before[worst]), 2)} times the noise"
+        title += f": worst near {middle}, {number(float(np.sqrt(before[worst])), 2)} standard errors"
     return Chart(title, x, y, marks)

@@ -17,7 +17,7 @@ def unknowns(diagnosis: Values, evidence: Values) -> Section:
     points = [*_ties(diagnosis), *_rest(diagnosis), *_loose(diagnosis), _limits(diagnosis)]
     following = diagnosis.get("next_experiment")
     heading = "What these recordings cannot tell"
-    if following:
+    if following and following.get("needed", True):
         heading += ", and the one that would"
     return Section("unknowns", "Open questions", heading, {"points": points, "next": _next(following)})
 
@@ -74,6 +74,7 @@ def _next(following: Values | None) -> dict[str, Any] | None:
     if not following:
         return None
     return {
+        "heading": "Record this next" if following.get("needed", True) else "If you record more",
         "why": capital(str(following.get("why") or "")),
         "separates": listed((_told(words) for words in following.get("separates") or []), "from"),
         "controls": following.get("controls") or "",

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from typing import Any
 
 from torch_activegp.errors import DataError
@@ -14,6 +15,8 @@ _RARE = 0.01
 five were at 1e-20 and below, and all but one of the others at 0.09 and above."""
 _LOUD = 1.5
 """Times the noise from which on more than a little is left, as in the sentence."""
+_SENTENCES = re.compile(r"(?<=[a-z)]\.) (?=[A-Z])")
+"""Between two sentences: the first is the heading."""
 BADGES = {
     "none": ("No mismatch found", "\u2713"),
     "named": ("Mismatch named", "\u25cf"),
@@ -34,9 +37,11 @@ def banner(diagnosis: Values) -> dict[str, Any]:
             f"diagnosis['verdict']: wanted one of {', '.join(BADGES)}, found {verdict!r}. Run diagnose again."
         )
     badge, symbol = BADGES[verdict]
+    sentence, *more = _SENTENCES.split(diagnosis.get("sentence") or "", maxsplit=1)
     return {
         "verdict": verdict,
-        "sentence": diagnosis.get("sentence") or "",
+        "sentence": sentence,
+        "more": " ".join(more),
         "badge": badge,
         "symbol": symbol,
         "sure": _sure(diagnosis),

@@ -1,11 +1,15 @@
 from __future__ import annotations
 
 import dataclasses
+import re
 
 import numpy as np
 import pytest
 
+from torch_activegp.diagnosis.findings.experiment import Trial
+from torch_activegp.diagnosis.findings.one_more import left_of_errors
 from torch_activegp.diagnosis.findings.proposal import least_certain, propose
+from torch_activegp.diagnosis.inputs.segments import cut
 from torch_activegp.diagnosis.selection.compared import Selection
 from torch_activegp.diagnosis.selection.explain import Explanation
 from torch_activegp.diagnosis.selection.judge import judge
@@ -15,6 +19,17 @@ from torch_activegp.diagnosis.shooting.score import Score
 @pytest.fixture(scope="module")
 def wet(bench):
     return bench.fit("viscous_friction", 0.05)
+
+
+def again(bench) -> Trial:
+    """The first recording once more."""
+    run = bench.machine.fit[0]
+    return Trial(1.0, run, bench.engine.starts(cut([run], 1e9, 0.0))[0])
+
+
+def left_of(bench, fit) -> float:
+    """The part of the first standard error that is left with it."""
+    return float(left_of_errors(bench.shooting, fit, *again(bench)[1:])[0])
 
 
 def proposed(bench, *fits, **changed):
@@ -48,20 +63,23 @@ def test_where_another_form_does_as_well_nothing_is_settled(bench, wet) -> None:
         (0.01, False, "no rival is left"),
     ],
 )
-def test_what_is_known_well_need_not_be_recorded_again(wet, error: float, white: bool, first: str) -> None:
+def test_what_is_known_well_need_not_be_recorded_again(bench, wet, error: float, white: bool, first: str) -> None:
     """Where only noise is left; else something is missing yet."""
     (coefficient,) = wet.values[0]
-    found = least_certain(wet, np.array([[(error * coefficient) ** 2]]), white=white)
+    found = least_certain(bench.shooting, wet, np.array([[(error * coefficient) ** 2]]), white=white)
     assert found is not None
-    assert found[1].sentence(1.0).startswith(first)
+    assert found[1].sentence(again(bench)).startswith(first)
+    assert found[1].needed is not first.startswith("nothing")
 
 
 def test_a_ratio_has_no_unit(bench) -> None:
     limit = bench.effect("actuator_saturation", "actuator:drive")
-    fit = dataclasses.replace(bench.nominal, effects=(limit,), values=(np.array([0.1]),))
-    found = least_certain(fit, np.array([[1e-4]]))
+    information = np.array([[1e4]])
+    fit = dataclasses.replace(bench.nominal, effects=(limit,), values=(np.array([0.1]),), information=information)
+    found = least_certain(bench.shooting, fit, np.array([[1e-4]]))
     assert found is not None
-    assert "from 0.01 to about 0.0097" in found[1].sentence(1.0)
+    words = found[1].sentence(again(bench))
+    assert re.search(r"from 0\.01 to about 0\.\d+$", words)
     assert [text.rpartition(" ")[2] for text in found[1].separates] == ["0.08", "0.12"]
 
 
@@ -71,7 +89,7 @@ def test_where_no_controls_tell_a_tie_apart_none_is_said_to_be_settled(bench, we
     twin = dataclasses.replace(wet, effects=(bench.effect("quadratic_drag"),))
     monkeypatch.setattr(
         "torch_activegp.diagnosis.findings.proposal.next_experiment",
-        lambda engine, fits, *rest: None if twin in fits else ({"why": rest[-1].sentence(1.0)}, ""),
+        lambda engine, fits, *rest: None if twin in fits else ({"why": rest[-1].sentence(again(bench))}, ""),
     )
     ties = {"ties": ((bench.effect("quadratic_drag"),),), "verdict": "tie"}
     entry, _ = proposed(bench, wet, *([twin] if listed else []), **ties)
@@ -94,16 +112,18 @@ def test_nothing_is_proposed_where_nothing_differs(bench, wet) -> None:
     assert proposed(bench, wet, verdict="none") is None
 
 
-def test_the_ends_of_the_least_certain_parameter_are_four_standard_errors_apart(wet) -> None:
-    (low, high), telling = least_certain(wet, np.linalg.inv(wet.information))
+def test_the_ends_of_the_least_certain_parameter_are_four_standard_errors_apart(bench, wet) -> None:
+    (low, high), telling = least_certain(bench.shooting, wet, np.linalg.inv(wet.information))
     error = wet.information[0, 0] ** -0.5
     np.testing.assert_allclose(high.values[0] - low.values[0], 4.0 * error)
-    assert f"{error:.2g} N m s/rad to about {0.5 * error:.2g}" in telling.sentence(48.0)
-    np.testing.assert_allclose(
-        np.subtract(*(least_certain(wet, 4.0 / wet.information)[0][k].values[0] for k in (1, 0))), 8.0 * error
+    assert f"{error:.2g} N m s/rad to about {left_of(bench, wet) * error:.2g} N m s/rad" in telling.sentence(
+        again(bench)
     )
-    assert f"{error:.2g} N m s/rad to {0.1 * error:.2g} N m s/rad or less" in telling.sentence(1e8)
-    assert least_certain(wet, np.zeros((1, 1))) is None
+    np.testing.assert_allclose(
+        np.subtract(*(least_certain(bench.shooting, wet, 4.0 / wet.information)[0][k].values[0] for k in (1, 0))),
+        8.0 * error,
+    )
+    assert least_certain(bench.shooting, wet, np.zeros((1, 1))) is None
 
 
 def test_a_number_that_has_no_name_is_told_by_its_effect(bench) -> None:
@@ -111,10 +131,10 @@ def test_a_number_that_has_no_name_is_told_by_its_effect(bench) -> None:
     fit = dataclasses.replace(
         bench.nominal, effects=(cogging,), values=(np.full(len(cogging.parameters), 0.5),), information=np.eye(3)
     )
-    _, telling = least_certain(fit, np.diag([1e-2, 1e-6, 1e-6]))
-    assert "cogging at joint:hip, whose standard errors these controls would bring to about 50 %" in telling.sentence(
-        48
-    )
+    _, telling = least_certain(bench.shooting, fit, np.diag([1e-2, 1e-6, 1e-6]))
+    percent = f"{100 * left_of(bench, fit):.2g}"
+    told = f"cogging at joint:hip, whose standard errors these controls would bring to about {percent} %"
+    assert told in telling.sentence(again(bench))
     where = "cogging at joint:hip at"
     assert telling.separates == [f"{where} one end of its intervals", f"{where} the other end of its intervals"]
 
@@ -124,7 +144,7 @@ def test_other_parameters_follow_the_least_certain_one(bench, wet) -> None:
     effects = (wet.effects[0], bench.effect("constant_force"))
     fit = dataclasses.replace(wet, effects=effects, values=(np.ones(1), 9.0 * np.ones(1)), information=information)
     covariance = np.linalg.inv(information)
-    (low, high), telling = least_certain(fit, covariance)
+    (low, high), telling = least_certain(bench.shooting, fit, covariance)
     step = [high.values[k][0] - low.values[k][0] for k in range(2)]
     place = int(np.argmax(np.diag(covariance) ** 0.5 / [1.0, 9.0]))
     np.testing.assert_allclose(step, 4.0 * covariance[:, place] / covariance[place, place] ** 0.5)

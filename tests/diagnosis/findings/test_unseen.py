@@ -8,6 +8,7 @@ import pytest
 
 from torch_activegp.data import Recording
 from torch_activegp.diagnosis import diagnose
+from torch_activegp.diagnosis.findings.forecast import FAILED
 from torch_activegp.diagnosis.findings.unseen import foreseeable, is_predictable, marked, refutation, taken_back
 from torch_activegp.diagnosis.findings.verdict import decide
 from torch_activegp.diagnosis.inputs.machine import Machine, make_machine
@@ -23,8 +24,9 @@ DOUBLE = """<mujoco><option timestep="0.002" integrator="RK4"/><worldbody>
 
 
 def said(before: float, after: float, step: tuple[float, float] = (2.0, 1.0), joint: str = "hip") -> list[dict]:
-    """Held-out errors of one run, beside noise of 1."""
-    free, one = ({"before": first, "after": last, "noise": 1.0} for first, last in ((before, after), step))
+    """Held-out errors of one run, in units of noise that is a thousandth of the motion."""
+    pairs = [[FAILED if error >= FAILED else 1e-3 * error for error in pair] for pair in ((before, after), step)]
+    free, one = ({"before": first, "after": last, "noise": 1e-3} for first, last in pairs)
     return [{"run": "kept", "channel": f"qpos.{joint}", "free_run": free, "one_step": one}]
 
 
@@ -36,6 +38,12 @@ def test_what_leaves_much_more_than_noise_and_is_little_better_is_refuted(before
     why = refutation(said(before, after))
     assert (why is not None) is lost
     assert why is None or "times the noise" in why
+
+
+@pytest.mark.parametrize(("after", "lost"), [(240.0, False), (260.0, True)])
+def test_what_is_far_off_the_motion_itself_is_lost_however_far_off_the_simulator_was(after: float, lost: bool) -> None:
+    """A servo's command in degrees, read in rad, put a machine 35 times its motion away, and wrong names 0.3."""
+    assert (refutation(said(35e3, after)) is not None) is lost
 
 
 @pytest.mark.parametrize(
@@ -62,7 +70,7 @@ def test_a_free_run_that_is_lost_refutes_no_names_that_see_well_ahead(free, step
 )
 def test_a_free_run_that_uncertain_parameters_would_lose_too_refutes_no_names(before, expected, lost: bool) -> None:
     """Where they leave clearly less than there was."""
-    assert (refutation(said(before, 9.0), lambda: expected) is not None) is lost
+    assert (refutation(said(before, 9.0), lambda: 1e-3 * expected) is not None) is lost
 
 
 def test_nobody_asks_how_uncertain_free_runs_are_that_are_near() -> None:

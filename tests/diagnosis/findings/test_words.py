@@ -86,7 +86,7 @@ def test_named_effects_are_listed_with_what_they_explain_together() -> None:
     text = sentence("named", [named("a", 0.5), named("b", 0.2), named("c", 0.1)], ERROR)
     assert text == (
         "The simulator leaves out a at joint:hip (1), b at joint:hip (1) and c at joint:hip (1), explaining 80% of the "
-        "mismatch; with it, the free-run error on held-out runs falls from 0.123 to 0.01 (noise 0.009)."
+        "mismatch; with them, the free-run error on held-out runs falls from 0.123 to 0.01 (noise 0.009)."
     )
 
 
@@ -155,7 +155,9 @@ def test_how_much_there_is_stands_in_the_sentence(units: list[str], told: str) -
 
 def test_unknown_says_what_to_doubt() -> None:
     doubts = ("a: no control is recorded.", "b: in degrees?")
-    assert sentence("unknown", (), ERROR, doubts).endswith("it. Check the recordings first: a: no control is recorded.")
+    found = {"unexplained": {"share": 0.1}, "rivals": [{"effects": [{"name": "a", "target": "b"}]}]}
+    text = sentence("unknown", (), {**ERROR, **found}, doubts)
+    assert text.endswith("no effect on the list explains it. Check the recordings first: a: no control is recorded.")
     assert "Check" not in sentence("named", [named("a", 0.9)], ERROR, doubts)
 
 

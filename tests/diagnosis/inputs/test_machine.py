@@ -27,7 +27,7 @@ def test_without_holdout_the_last_fifth_of_the_runs_is_set_aside(model, record) 
     machine = make_machine(model, [record(name=f"r{i}", seconds=0.5) for i in range(10)], [])
     assert [run.label for run in machine.holdout] == ["r8", "r9"]
     assert len(machine.fit) == 8
-    assert machine.notes == ("No --holdout: set aside r8, r9.",)
+    assert machine.notes == ("No held-out runs given: set aside r8, r9.",)
     assert len(make_machine(model, [record(seconds=0.5)] * 3, []).holdout) == 1
 
 
@@ -84,7 +84,7 @@ def test_a_joint_with_a_velocity_alone_is_noted(bench, record) -> None:
     given = record(name="a", qvel__knee=np.zeros(201))
     machine = make_machine(mujoco.MjModel.from_xml_string(twice), [given], [record()])
     unseen = (
-        "Not in all recordings: qpos.knee; no effect on these joints is sought, and their drives and bodies are seen "
+        "Not in all recordings: qpos.knee; simulated, but compared with nothing: what acts on these joints is seen "
         "through the others alone. "
     )
     qvel = "a: qvel.knee without qpos.knee; knee counts as not measured. Record it."

@@ -10,7 +10,7 @@ import pytest
 from torch_activegp.data import Recording
 from torch_activegp.diagnosis.inputs import wrong_controls
 from torch_activegp.diagnosis.inputs.machine import make_machine
-from torch_activegp.diagnosis.inputs.wrong_controls import doubt_controls
+from torch_activegp.diagnosis.inputs.wrong_controls import doubt_controls, servo_order
 from torch_activegp.diagnosis.inputs.wrong_signs import check_signs
 from torch_activegp.errors import DataError
 
@@ -59,12 +59,20 @@ def doubts(runs: list[Recording]) -> list[str]:
 @pytest.mark.parametrize(
     ("scale", "words"),
     [
-        (-1.0, ("the sign seems", "as if -0.9", "ctrl.push = { sign = -1 }, or without that where it is there.")),
+        (
+            -1.0,
+            (
+                "the sign seems",
+                "as if -0.9",
+                "ctrl.push = { sign = -1 }, beside the column, or without that where it is there.",
+            ),
+        ),
         (
             1e3,
             (
                 "the unit seems",
-                "ctrl.push = { scale = 1e-3 }, times any scale there; or the positions' unit is the wrong one.",
+                "ctrl.push = { scale = 1e-3 }, beside the column, times any scale there; or the positions' unit is the "
+                "wrong one.",
             ),
         ),
         (1e-2, ("the unit seems", "scale = 1e2")),
@@ -117,3 +125,58 @@ def test_where_motion_is_prescribed_nothing_is_said(records) -> None:
 def test_what_nothing_explains_is_not_blamed_on_a_control(records) -> None:
     runs = [run.replace({"ctrl.push": run["ctrl.push"].flip(0)}) for run in records()]
     assert doubts(runs) == []
+
+
+SERVO = """
+<mujoco><option timestep="0.002"/><worldbody>
+<body><joint name="hip" axis="0 1 0" damping=".2"/><geom type="capsule" fromto="0 0 0 0 0 -.3" size=".02"/></body>
+</worldbody><actuator>{}</actuator></mujoco>"""
+
+
+def driven(actuator: str, factor: float) -> list[str]:
+    """Doubts about a servo whose command is written down in another unit."""
+    model = mujoco.MjModel.from_xml_string(SERVO.format(actuator))
+    time, runs = np.arange(0.0, 4.0, 0.01), []
+    for number in range(2):
+        data, rows, control = mujoco.MjData(model), [], 0.6 * np.sin((3.0 + number) * time)
+        for u in control:
+            rows.append(data.qpos[0])
+            data.ctrl[:] = u
+            mujoco.mj_step(model, data, 5)
+        columns = {"time": time, "qpos.hip": np.array(rows), "ctrl.servo": factor * control}
+        runs.append(Recording.from_columns(f"run{number}", columns))
+    return list(make_machine(model, runs, []).doubts)
+
+
+@pytest.mark.parametrize(
+    ("actuator", "factor", "unit"),
+    [
+        ('<position name="servo" joint="hip" kp="8" kv=".4"/>', 180 / np.pi, "deg"),
+        ('<velocity name="servo" joint="hip" kv="0.2"/>', 180 / np.pi, "deg/s"),
+        ('<velocity name="servo" joint="hip" kv="0.2"/>', 30 / np.pi, "rpm"),
+    ],
+)
+def test_a_servo_whose_command_is_in_degrees_or_rpm_is_doubted(actuator: str, factor: float, unit: str) -> None:
+    (text,) = driven(actuator, factor)
+    assert f"the unit seems to be {unit}. " in text
+    assert f'ctrl.servo = {{ unit = "{unit}" }}, beside the column, in place of any unit there.' in text
+    assert driven(actuator, 1.0) == []
+
+
+def test_a_motor_whose_force_is_far_off_is_not_taken_for_a_servo() -> None:
+    assert driven('<motor name="servo" joint="hip"/>', 180 / np.pi) == []
+
+
+@pytest.mark.parametrize(
+    ("actuator", "order"),
+    [
+        ('<position name="servo" joint="hip"/>', 1),
+        ('<velocity name="servo" joint="hip"/>', 2),
+        ('<motor name="servo" joint="hip"/>', 0),
+        ('<general name="servo" joint="hip" biastype="affine" biasprm="1 0 0"/>', 0),
+        ('<position name="servo" joint="rail"/>', 0),
+    ],
+)
+def test_what_a_servo_leads_a_hinge_to(actuator: str, order: int) -> None:
+    text = SERVO.format(actuator).replace("<geom", '<joint name="rail" type="slide"/><geom')
+    assert servo_order(mujoco.MjModel.from_xml_string(text), "servo") == order

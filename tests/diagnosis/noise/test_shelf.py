@@ -238,3 +238,16 @@ def test_where_the_lowest_bins_are_quiet_little_is_left_to_see_a_filter_by() -> 
     assert shelf(frequency, quiet, 0.0, 2.5) is not None  # from the second bin on
     quiet[::4] = 1e-6
     assert shelf(frequency, quiet, 0.0, 2.5) is None
+
+
+@pytest.mark.parametrize(("step", "seen"), [(0.0, False), (5e-4, True), (2e-3, False)])
+def test_a_filter_beneath_the_rounding_of_an_encoder_is_seen_where_it_is_loud_enough(step: float, seen: bool) -> None:
+    """Behind steps of three times the noise there is next to nothing of it; white noise alone is no shelf."""
+    rng = np.random.default_rng(0)
+    noise = signal.filtfilt(*signal.butter(2, 30.0, fs=RATE), LOUD * rng.normal(size=8000))
+    rounded = step * np.round(noise / step) if step else LOUD * rng.normal(size=8000)
+    found = shelf(*spectrum(rounded), white=2.0 * (step or LOUD) ** 2 / (12.0 if step else 1.0))
+    assert (found is not None) is seen
+    if found is not None:
+        assert found.corner * RATE == pytest.approx(30.0, rel=0.15)
+        assert found.scale == pytest.approx(rounded.std(), rel=0.15)

@@ -14,15 +14,18 @@ from torch_activegp.diagnosis.noise.floor import INNER, noise_floor, steep_filte
 from torch_activegp.diagnosis.noise.shelf import LOWEST
 from torch_activegp.diagnosis.preparation import filters_left as module
 from torch_activegp.diagnosis.preparation.filtered_rows import thinned
-from torch_activegp.diagnosis.preparation.filters_left import filters_left, is_smooth
+from torch_activegp.diagnosis.preparation.filters_left import filters_left, is_smooth, resolution, rounding_behind
 from torch_activegp.diagnosis.simulation.candidate import NOMINAL
 from torch_activegp.diagnosis.simulation.engine import Engine
 
 NOISE, RATE, CORNER = 2e-3, 50, 14.0
 
 
-def machine(model, corner: float | None, push: float = 0.0, rows: int = 401):
-    """Runs of the model at 50 Hz, with a push that it does not know, and positions filtered forth and back."""
+def machine(model, corner: float | None, push: float = 0.0, rows: int = 401, step: float = 0.0):
+    """Runs of the model at 50 Hz, with a push that it does not know, and positions filtered forth and back.
+
+    And rounded to steps.
+    """
     found = []
     for seed in range(5):
         rng, time = np.random.default_rng(seed), np.arange(rows) / RATE
@@ -34,6 +37,7 @@ def machine(model, corner: float | None, push: float = 0.0, rows: int = 401):
         seen = path + NOISE * rng.normal(size=rows)
         if corner is not None:
             seen = signal.filtfilt(*signal.butter(3, corner, fs=RATE), seen)
+        seen = step * np.round(seen / step) if step else seen
         found.append(Recording.from_columns(f"run{seed}", columns | {"qpos.hip": seen, "ctrl.drive": control}))
     return make_machine(model, found, [])
 
@@ -97,3 +101,35 @@ def test_a_part_of_a_motion_that_ends_somewhere_is_no_filter(share: float, loude
     spectra = (module._spectra(some) for some in (rest, own))
     found = module._filter(*spectra, np.fft.rfftfreq(rows)[INNER], LOWEST / 250)
     assert (found is not None) is seen
+
+
+@pytest.mark.parametrize(("corner", "seen"), [(CORNER, True), (None, False)])
+def test_a_filter_beneath_the_rounding_of_an_encoder_is_seen(model, corner: float | None, seen: bool) -> None:
+    """Differences see the rounding alone, and nothing of a filter in front of it."""
+    made = machine(model, corner, step=1.5e-3 if corner else 2e-2)
+    assert not is_smooth(made.fit, 0)
+    (found,) = filters_left(made, 1)
+    assert (found is not None) is seen
+    if found is not None:
+        assert found.corner == pytest.approx(CORNER / RATE, rel=0.15)
+        assert found.scale == pytest.approx(NOISE * np.sqrt(2.0 * CORNER / RATE), rel=0.2)
+
+
+def test_where_rounding_is_all_that_is_fast_no_filter_is_asked_for(model) -> None:
+    made = machine(model, CORNER, step=1.5e-3)
+    assert rounding_behind(made.fit, 0) == pytest.approx(2.0 * 1.5e-3**2 / 12.0)
+    assert rounding_behind(machine(model, CORNER).fit, 0) == 0.0
+    assert rounding_behind(machine(model, None, step=1e-4).fit, 0) == 0.0  # beneath white noise
+    assert rounding_behind(machine(model, CORNER, step=4e-2).fit, 0) == 0.0
+    assert rounding_behind([dataclasses.replace(run, video=True) for run in made.fit], 0) == 0.0
+
+
+@pytest.mark.parametrize(("step", "offset"), [(7.67e-4, 0.0), (0.5, 0.12)])
+def test_the_step_of_an_encoder_is_that_of_its_counts(step: float, offset: float) -> None:
+    counts = np.random.default_rng(0).integers(-2000, 2000, 900)
+    assert resolution(step * counts + offset) == pytest.approx(step)
+
+
+@pytest.mark.parametrize("values", [np.zeros(5), np.random.default_rng(0).normal(size=900)])
+def test_what_does_not_move_and_what_is_not_rounded_has_no_step(values) -> None:
+    assert resolution(values) == 0.0

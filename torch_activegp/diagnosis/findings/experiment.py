@@ -28,16 +28,32 @@ _LEAST = 4.0
 """Models that differ by less chi2 than this are not told apart by one more recording."""
 
 
+class Trial(NamedTuple):
+    """A recording that may be made.
+
+    Args:
+        gain: chi2 by which two models differ in it.
+        run: its clock and controls.
+        start: where it begins, ``(nq + nv,)``.
+    """
+
+    gain: float
+    run: Run
+    start: Array
+
+
 class Telling(NamedTuple):
     """What is learned where two models are told apart.
 
     Args:
         separates: the two in words.
-        sentence: says it, from the chi2 by which they differ.
+        sentence: says it of the recording that does so.
+        needed: whether the recording is worth making.
     """
 
     separates: list[str]
-    sentence: Callable[[float], str]
+    sentence: Callable[[Trial], str]
+    needed: bool = True
 
 
 def next_experiment(
@@ -111,17 +127,19 @@ def next_experiment(
     if gains[0] < _LEAST:
         return None
     told = telling or _names(rivals[0], rivals[1])
+    trial = Trial(float(gains[0]), made[best], start)
     seen, caution = "of controls and near the positions seen", ""
     if (away[0] > 0.0).any():
         seen, caution = "of controls", f". Simulate these controls first: {_leaving(engine, away[0], width)}"
     entry = {
         "separates": told.separates,
         "why": (
-            f"{told.sentence(float(gains[0]))} ({SECONDS:g} s, within the limits seen {seen}); "
-            f"start where {runs[0].label} started{caution}."
+            f"{told.sentence(trial)} ({SECONDS:g} s, within the limits seen {seen}); start where {runs[0].label} "
+            f"started{caution}."
         ),
+        "needed": told.needed,
         "controls": "next.csv",
-        "predicted_gain": float(gains[0]),
+        "predicted_gain": trial.gain,
     }
     return entry, _csv(engine, time, trials[best])
 
@@ -162,8 +180,8 @@ def _names(one: Fit, other: Fit) -> Telling:
     words = [_beyond(one, other), _beyond(other, one)]
     return Telling(
         words,
-        lambda gain: (
-            f"{words[0]} and {words[1]} predict positions that differ by chi2 = {gain:.3g} under these controls"
+        lambda trial: (
+            f"{words[0]} and {words[1]} predict positions that differ by chi2 = {trial.gain:.3g} under these controls"
         ),
     )
 

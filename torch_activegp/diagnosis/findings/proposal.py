@@ -7,7 +7,8 @@ from typing import Any
 
 import numpy as np
 
-from torch_activegp.diagnosis.findings.experiment import Telling, next_experiment
+from torch_activegp.diagnosis.findings.experiment import Telling, Trial, next_experiment
+from torch_activegp.diagnosis.findings.one_more import left_of_errors
 from torch_activegp.diagnosis.findings.open_forms import open_forms
 from torch_activegp.diagnosis.inputs.runs import Array, Run
 from torch_activegp.diagnosis.selection.explain import Explanation
@@ -15,13 +16,11 @@ from torch_activegp.diagnosis.selection.intervals import covariance
 from torch_activegp.diagnosis.selection.judge import Judgement
 from torch_activegp.diagnosis.selection.ties import is_as_late, is_one_way
 from torch_activegp.diagnosis.shooting.fit import Fit, bounds, split
+from torch_activegp.diagnosis.shooting.likelihood import Shooting
 
 _RIVALS = 3
 _OPEN = 20.0
 """Rivals whose score is worse by more are ruled out."""
-_MOST = 0.1
-"""Least part that is promised of a standard error. Where motions part for ever, as those of two links that swing
-freely, the chi2 by which they differ promised 5e-4."""
 _SETTLED, _UNTOLD = "no rival is left", "no controls were found that would tell the rivals apart"
 _WELL_KNOWN = 0.02
 """Standard error of the least certain parameter, in parts of it, from which on the user need not record more."""
@@ -63,7 +62,7 @@ def propose(
     forms = any(open_forms(selection, fit, effect) for effect in judgement.named)
     open_ones = bool(others) or any(judgement.ties) or forms
     before = _UNTOLD if open_ones else _SETTLED
-    ends = least_certain(fit, covariance(shooting, fit, widened=True), before, judgement.white)
+    ends = least_certain(shooting, fit, covariance(shooting, fit, widened=True), before, judgement.white)
     if ends is None:
         return None
     fits, telling = ends
@@ -71,11 +70,12 @@ def propose(
 
 
 def least_certain(
-    fit: Fit, covariance: Array, before: str = _SETTLED, white: bool = True
+    shooting: Shooting, fit: Fit, covariance: Array, before: str = _SETTLED, white: bool = True
 ) -> tuple[list[Fit], Telling] | None:
     """A fit with its least certain parameter at either end of its interval, the others following.
 
     Args:
+        shooting: the likelihood.
         fit: of a set.
         covariance: of its parameters, ``(P, P)``.
         before: what is said first, of the rivals.
@@ -100,20 +100,20 @@ def least_certain(
     enough = white and before == _SETTLED and relative[place] < _WELL_KNOWN
     before = f"nothing need be recorded: {before}" if enough else before
 
-    def sentence(gain: float) -> str:
-        share = max(1.0 / np.sqrt(1.0 + gain / (2.0 * _ENDS) ** 2), _MOST)
+    def sentence(trial: Trial) -> str:
+        share = float(left_of_errors(shooting, fit, trial.run, trial.start)[place])
         if not known:
             return (
-                f"{before}; least certain is {where}, whose standard errors these "
-                f"controls would bring to about {100 * share:.2g} % of what they are"
+                f"{before}; least certain is {where}, whose standard errors these controls would bring to about "
+                f"{100 * share:.2g} % of what they are"
             )
-        narrower = f"{share * error[place]:.2g}{unit}"
         return (
-            f"{before}; the least certain number is the {what}, whose standard error these controls would "
-            f"bring from {error[place]:.2g}{unit} to {f'about {narrower}' if share > _MOST else f'{narrower} or less'}"
+            f"{before}; the least certain number is the {what}, whose standard error these controls would bring from "
+            f"{error[place]:.2g}{unit} to about {share * error[place]:.2g}{unit}"
         )
 
     fits = [dataclasses.replace(fit, values=split(fit.effects, end)) for end in ends]
+    ends_in_words = [f"{what} {end[place]:.4g}{unit}" for end in ends]
     if not known:
-        return fits, Telling([f"{where} at {end} end of its intervals" for end in ("one", "the other")], sentence)
-    return fits, Telling([f"{what} {end[place]:.4g}{unit}" for end in ends], sentence)
+        ends_in_words = [f"{where} at {end} end of its intervals" for end in ("one", "the other")]
+    return fits, Telling(ends_in_words, sentence, not enough)

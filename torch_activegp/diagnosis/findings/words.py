@@ -38,10 +38,8 @@ def sentence(
     if verdict == "unknown":
         places = [place["target"] for place in details["location"][:1]]
         where = f", most of it at {places[0]}" if places else ""
-        return (
-            f"The simulator and the recordings differ{where}, and no effect on the list explains it"
-            f"{_closest(details)}{_learned(details)}.{_doubted(doubts)}"
-        )
+        differ = f"The simulator and the recordings differ{where}, and no effect on the list explains it"
+        return f"{differ}.{_doubted(doubts)}" if doubts else f"{differ}{_closest(details)}{_learned(details)}."
     share = sum(effect.share for effect in effects)
     parts = [
         ("leaves out", [e for e in effects if not e.too_much]),
@@ -51,7 +49,8 @@ def sentence(
     kind, error = _measure(details)
     before, after = (f"{error[key]:.3g}" for key in ("before", "after"))
     moves = f"{'falls' if error['after'] <= error['before'] else 'rises'} from {before} to {after}"
-    better = f"with it, the {kind} error on held-out runs {moves if before != after else f'stays at {after}'}"
+    they = "it" if len(effects) == 1 else "them"
+    better = f"with {they}, the {kind} error on held-out runs {moves if before != after else f'stays at {after}'}"
     noise = f"(noise {error['noise']:.2g})"
     text = f"The simulator {wrong}, explaining {share:.0%} of the mismatch; {better} {noise}"
     if verdict == "tie":

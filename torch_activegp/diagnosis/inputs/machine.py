@@ -216,7 +216,7 @@ def _unseen(model: mujoco.MjModel, channels: Channels) -> list[str]:
     kinds = (int(mujoco.mjtJoint.mjJNT_HINGE), int(mujoco.mjtJoint.mjJNT_SLIDE))
     joints = [model.joint(i).name or f"joint{i}" for i in range(model.njnt) if model.jnt_type[i] in kinds]
     missing = ", ".join(f"qpos.{joint}" for joint in joints if joint not in known)
-    what = "no effect on these joints is sought, and their drives and bodies are seen through the others alone"
+    what = "simulated, but compared with nothing: what acts on these joints is seen through the others alone"
     return [f"Not in all recordings: {missing}; {what}. Record them if you can."] if missing else []
 
 
@@ -259,17 +259,18 @@ def _set_aside(runs: list[Run]) -> tuple[list[Run], list[Run], str]:
     if len(runs) >= 3:
         count = max(round(_SHARE * len(runs)), 1)
         kept = runs[-count:]
-        return runs[:-count], kept, f"No --holdout: set aside {', '.join(run.label for run in kept)}."
+        return runs[:-count], kept, f"No held-out runs given: set aside {', '.join(run.label for run in kept)}."
     longest = max(range(len(runs)), key=lambda i: len(runs[i]))
     cut = int((1 - _SHARE) * len(runs[longest]))
     if len(runs[longest]) - cut < MIN_ROWS:
         raise DataError(
             f"{runs[longest].label}: too short to set the last fifth of it aside, {len(runs[longest])} rows found, "
-            f"{math.ceil(MIN_ROWS / _SHARE)} wanted. Record longer, or give runs to forecast with --holdout."
+            f"{math.ceil(MIN_ROWS / _SHARE)} wanted. Record longer, or give held-out runs (--holdout)."
         )
     head, tail = _part(runs[longest], 0, cut, "first part"), _part(runs[longest], cut, len(runs[longest]), "last part")
     others = [run for i, run in enumerate(runs) if i != longest]
-    return [*others, head], [tail], f"No --holdout and few runs: set aside the last fifth of {runs[longest].label}."
+    note = f"No held-out runs given, and few: set aside the last fifth of {runs[longest].label}."
+    return [*others, head], [tail], note
 
 
 def _part(run: Run, start: int, stop: int, name: str) -> Run:

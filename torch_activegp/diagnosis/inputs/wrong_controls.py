@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 
 import mujoco
 import numpy as np
@@ -12,6 +12,8 @@ from torch_activegp.diagnosis.inputs.wrong_units import Motion, balance
 
 _UNITS = (-3, -2, 2, 3)
 """Powers of ten by which units of a control are apart."""
+_SERVO_UNITS: tuple[dict[str, float], ...] = ({}, {"deg": np.pi / 180}, {"deg/s": np.pi / 180, "rpm": np.pi / 30})
+"""Units that commands of a hinge's motors are taken for SI in: of forces, of places, of speeds."""
 _NEAR = 1.25
 """Factor by which a control may be off its unit or sign and still seem to be of that one."""
 _SURE = 0.1
@@ -23,7 +25,9 @@ _LACKS = 0.3
 
 
 def doubt_controls(model: mujoco.MjModel, channels: Channels, runs: Sequence[Run]) -> list[str]:
-    """Says which controls seem to have the other sign, or to be a hundred or a thousand times too large or small.
+    """Says which controls seem to have the other sign, or another unit.
+
+    One that is a hundred or a thousand times too large or small, or a servo's command in degrees or rpm.
 
     The forces that the model lacks on a joint are regressed on those of each control there, beside a constant, a
     spring, weight, dry and viscous friction (not inertia: with it, any factor fits): so a flipped sign shows where a
@@ -51,26 +55,49 @@ def doubt_controls(model: mujoco.MjModel, channels: Channels, runs: Sequence[Run
         found = _factors(balanced.motion, pushes[:, acting], balanced.lacking[:, joint], joint)
         names = [list(inputs)[i] for i in acting]
         for name, factor in zip(names, found, strict=True):
-            if text := _doubt(name, factor):
+            if text := _doubt(name, factor, _SERVO_UNITS[servo_order(model, name)]):
                 doubts.setdefault(name, text)
     return list(doubts.values())
 
 
-def _doubt(name: str, factor: float) -> str:
-    """What seems to be wrong with a control of which so many times its force moves the machine."""
+def servo_order(model: mujoco.MjModel, name: str) -> int:
+    """What an actuator leads a hinge to: 1 a place, 2 a speed, 0 neither; which are orders of its bias."""
+    actuator = model.actuator(name)
+    joint = int(actuator.trnid[0])
+    hinge = int(actuator.trntype[0]) == int(mujoco.mjtTrn.mjTRN_JOINT) and (
+        int(model.jnt_type[joint]) == int(mujoco.mjtJoint.mjJNT_HINGE)
+    )
+    if not hinge or int(actuator.biastype[0]) != int(mujoco.mjtBias.mjBIAS_AFFINE):
+        return 0
+    return next((order for order in (1, 2) if actuator.biasprm[order] != 0.0), 0)
+
+
+def _doubt(name: str, factor: float, units: Mapping[str, float]) -> str:
+    """What seems to be wrong with a control of which so many times its force moves the machine.
+
+    Args:
+        name: of the actuator.
+        factor: that many times.
+        units: in which its command may be, and their factors.
+    """
+    unit = next((unit for unit, size in units.items() if 1.0 / _NEAR < factor / size < _NEAR), None)
+    power = next((p for p in _UNITS if 1.0 / _NEAR < factor / 10.0**p < _NEAR), None)
     if -_NEAR < factor < -1.0 / _NEAR:
         mend, what = "sign = -1", "the sign seems to be the other way round"
         also = "or without that where it is there"
-    else:
-        power = next((p for p in _UNITS if 1.0 / _NEAR < factor / 10.0**p < _NEAR), None)
-        if power is None:
-            return ""
+    elif unit is not None:
+        mend, what = f'unit = "{unit}"', f"the unit seems to be {unit}"
+        also = "in place of any unit there"
+    elif power is not None:
         mend, what = f"scale = 1e{power}", "the unit seems to be another one"
         also = "times any scale there; or the positions' unit is the wrong one"
+    else:
+        return ""
     column = f"ctrl.{name}"
     return (
         f"Column `{column}`: {what}. The machine moves as if {factor:.3g} times its force acted, whatever else is "
-        f"missing. If so, say it in its line of a column map (--columns MAP.toml): {column} = {{ {mend} }}, {also}."
+        f"missing. If so, say it in its line of a column map (--columns MAP.toml): {column} = {{ {mend} }}, beside the "
+        f"column, {also}."
     )
 
 

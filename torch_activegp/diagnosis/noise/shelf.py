@@ -33,8 +33,8 @@ _AS_MOTION = 2
 """Poles of filters that fall as motion does, with the fourth power."""
 _SLOPE = 1.0
 """Power of the frequency with which the level part may fall; motion falls with the fourth."""
-_DEEP = 2.0
-"""Decades by which the noise must fall from there to the end."""
+_DEEP, _DEEP_TO_WHITE = 2.0, 1.0
+"""Decades by which the noise must fall from there to the end; and to white noise that was added behind the filter."""
 _NO_LOUDER, _STEEP = 0.5, 6.0
 """Decimal logarithm by which a spectrum may be above the noise behind a filter to be that, for it is below where the
 order was judged too low, and 1.7 to 2.1 above of motion; and the power of the frequency with which it must fall, where
@@ -43,7 +43,9 @@ _ABOVE_REST = 10.0
 """Times what is left at the end of the spectrum (rounding, leaks of the window) up to which a bin says nothing."""
 
 
-def shelf(frequency: Array, power: Array, lowest: float = 0.0, deepest: float = np.inf) -> SteepFilter | None:
+def shelf(
+    frequency: Array, power: Array, lowest: float = 0.0, deepest: float = np.inf, white: float = 0.0
+) -> SteepFilter | None:
     """The level of noise that a Butterworth filter of any order has passed, forth or forth and back.
 
     Positions that were filtered after they were recorded have noise that differences hardly see, and that falls more
@@ -56,12 +58,16 @@ def shelf(frequency: Array, power: Array, lowest: float = 0.0, deepest: float = 
         power: one-sided density at unit sampling rate, ``(F,)``.
         lowest: corner that is sought, in parts of the sampling rate.
         deepest: decades below the level that are looked at; in short windows what is less leaks from bins near by.
+        white: density of noise that was added behind the filter, as a coarse encoder adds it.
 
     Returns:
         The shelf that goes on down to the lowest frequency; None where there is none, or none that is seen: at least
         five bins must be level below 0.7 of its corner.
     """
     end = _told(power) if np.isinf(deepest) else len(power)
+    if white > 0.0:
+        power, end = power - white, _before(power < 2.0 * white)
+    deep = _DEEP_TO_WHITE if white > 0.0 else _DEEP
     filters = [*itertools.product(_ORDERS, _CORNERS[_CORNERS >= lowest])]
     passed = np.array([np.log10(_passed(frequency[:end], *one)) for one in filters])
     for first in range(max(end - 2 * _LEVEL, 0)):
@@ -74,8 +80,9 @@ def shelf(frequency: Array, power: Array, lowest: float = 0.0, deepest: float = 
         best = int(np.argmin(misfits))
         order, corner = filters[best]
         level = float(apart[best].mean())
-        if misfits[best] < _CLOSE and _is_level(f, apart[best], corner) and p.min() < level - _DEEP:
-            return _shelf(order, float(corner), level)
+        if misfits[best] < _CLOSE and _is_level(f, apart[best], corner) and p.min() < level - deep:
+            found = _shelf(order, float(corner), level)
+            return found._replace(scale=float(np.hypot(found.scale, np.sqrt(0.5 * white))))
     return None
 
 
