@@ -51,6 +51,7 @@ def first_close(
     predicted: Array | None = None,
     lost: float = np.inf,
     known: Engine | None = None,
+    rest: bool = True,
 ) -> tuple[Shooting, Fit]:
     """The first form that stays close to a precise one, the last of them, corrected by it; and its fit.
 
@@ -58,7 +59,7 @@ def first_close(
     on a slide that strikes, a form in half of them took 14 million to fit, in vain. `predicted` is what it says where
     the fits begin, where that is known; nothing more is done from a chi2 of `lost` on. What takes longer steps than a
     form of the same scheme that was not close is not tried. A form that is `known` to be close on a part of the data
-    may be carried from one state to another, and need not show it on all.
+    may be carried from one state to another, and need not show it on all. For `rest` see :func:`settled`.
     """
     engine, working, judged = precise.engine, precise, begin
     tried: dict[tuple[bool, int, bool], float] = {}
@@ -71,7 +72,7 @@ def first_close(
         if cheap is engine and exact is not None:
             return precise, exact
         said = predicted if judged is begin else None
-        working, judged = settled(dataclasses.replace(precise, engine=cheap), engine, judged, said, lost)
+        working, judged = settled(dataclasses.replace(precise, engine=cheap), engine, judged, said, lost, rest)
         if not np.isfinite(judged.chi2) and cheap is not engine:
             judged = exact or begin
             continue
@@ -82,11 +83,17 @@ def first_close(
 
 
 def settled(
-    working: Shooting, engine: Engine, judged: Fit, exact: Array | None = None, lost: float = np.inf
+    working: Shooting,
+    engine: Engine,
+    judged: Fit,
+    exact: Array | None = None,
+    lost: float = np.inf,
+    rest: bool = True,
 ) -> tuple[Shooting, Fit]:
     """A form corrected by an engine where its own fit ends, and that fit; only the first one where that is lost.
 
     It begins from a fit, where what the engine predicts may be known (`exact`), and ends from a chi2 of `lost` on.
+    Segments that stand out are begun at rest too, but where that was tried already (`rest`).
     """
     for number in range(_ROUNDS):
         before = judged.chi2
@@ -100,7 +107,7 @@ def settled(
         near = judged.chi2 < _MUCH * working.dof and changed > 0.0
         if abs(changed) < _SETTLED * judged.chi2 or (number and not near):
             break
-    return working, chained(working, judged) if np.isfinite(judged.chi2) else judged
+    return working, chained(working, judged, rest) if np.isfinite(judged.chi2) else judged
 
 
 def is_close(working: Shooting, judged: Fit, exact: Fit | Engine, carried: bool = False) -> bool:

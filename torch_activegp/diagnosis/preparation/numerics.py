@@ -251,10 +251,11 @@ class Numerics(Forms):
         forms = self._cheap_ones(rival, precise, rough)
         if not self.stiff:
             return first_close(precise, forms, rough, None, rival.exact, lost)
-        exact = settled(precise, engine, rough, None, lost)[1]
+        rest = _may_stick(rough)
+        exact = settled(precise, engine, rough, None, lost, rest)[1]
         if exact.chi2 > lost or not np.isfinite(exact.chi2):
             return precise, exact
-        return first_close(precise, forms, exact, exact, lost=lost)
+        return first_close(precise, forms, exact, exact, lost=lost, rest=rest)
 
     def _on_all(self, working: Shooting, engine: Engine, begin: Fit) -> tuple[Shooting, Fit]:
         """The form that was found on a part of the segments, and the fit to all of them; see :meth:`_working`."""
@@ -264,11 +265,13 @@ class Numerics(Forms):
         if not self.stiff:
             return first_close(precise, forms, begin, None, known=close)
         # from where the form ends that is known to be close, which costs less
-        led = begin if close is engine else settled(dataclasses.replace(precise, engine=close), engine, begin)[1]
+        rest, led = _may_stick(begin), begin
+        if close is not engine:
+            led = settled(dataclasses.replace(precise, engine=close), engine, begin, rest=rest)[1]
         tried = [led, begin] if np.isfinite(led.chi2) and led is not begin else [begin]
-        ends = (settled(precise, engine, some)[1] for some in tried)
+        ends = (settled(precise, engine, some, rest=rest)[1] for some in tried)
         exact = next((fit for fit in ends if np.isfinite(fit.chi2)), None)
-        return (precise, begin) if exact is None else first_close(precise, forms, exact, exact, known=close)
+        return (precise, begin) if exact is None else first_close(precise, forms, exact, exact, known=close, rest=rest)
 
     def _cheap_ones(self, rival: Rival, precise: Shooting, rough: Fit) -> list[Engine]:
         """What may stand in for an engine, the engine itself last: first the cheapest that is close where they begin.
@@ -290,3 +293,8 @@ class Numerics(Forms):
             return error if error >= most else 0.0
 
         return [*sorted(cheap[:-1], key=far), cheap[-1]]
+
+
+def _may_stick(fit: Fit) -> bool:
+    """Whether an effect of a fit may hold a joint. Else rest was tried where something touches, as it was cut."""
+    return any(map(is_abrupt, fit.effects))

@@ -57,6 +57,12 @@ def _springs_at_rest(pairs: Sequence[Pair], effects: Sequence[Effect]) -> list[l
     return out
 
 
+def rests_of(springs: Sequence[Effect], effects: Sequence[Effect]) -> list[Effect]:
+    """Those constant forces that say where one of some springs rests."""
+    centered = [spring.target for spring in springs if isinstance(spring, CenteredSpring)]
+    return [effect for effect in effects if any(push(effect, np.ones(1), target) for target in centered)]
+
+
 def pushes_alone(pairs: Sequence[Pair], effects: Sequence[Effect]) -> list[list[Pair]]:
     """A constant force, or a drive's bias, in place of a spring: one that hardly stiffens is a push from far away."""
 

@@ -11,8 +11,8 @@ from numpy.typing import NDArray
 from torch_activegp.diagnosis.selection.compared import Effort, Selection, compare, without_each
 from torch_activegp.diagnosis.selection.elsewhere import elsewhere
 from torch_activegp.diagnosis.selection.heats import CLOSE, PART, heat, near
-from torch_activegp.diagnosis.selection.proposals import Set, contains, diverse, join, other_forms, softened
-from torch_activegp.diagnosis.selection.screening import allowed, screen
+from torch_activegp.diagnosis.selection.proposals import Set, contains, diverse, join, other_forms, softened, with_values
+from torch_activegp.diagnosis.selection.screening import Atom, Screen, allowed, screen
 from torch_activegp.diagnosis.selection.tuning import at_an_optimum, undone
 from torch_activegp.diagnosis.shooting.fit import Fit
 from torch_activegp.diagnosis.shooting.likelihood import Shooting
@@ -31,6 +31,8 @@ _AS_GOOD = 0.9
 gained less than an offset of the encoder, which nearly did what both do."""
 _MOST_OF_IT = 0.5
 """Of what a set explains: a part of it that does so is worth a look in its other forms."""
+_SECOND = 40
+"""Effects that are looked at beside one that may stand in."""
 _PLENTY = 400.0
 _LOST, _ROUNDS = 10.0, 20
 """Chi2 per degree of freedom by which a set is lost without an effect, and rounds of the fit that shows it."""
@@ -91,7 +93,29 @@ def _in_place(best: Fit, effect: Effect, part: Shooting, fit: Fit, effects: Sequ
             pairs = list(zip(*rival, strict=True))
             found.append((rival[0], tuple(best.by_effect.get(e, v) for e, v in pairs)))
             found += other_forms(pairs, effects, atom.effect)
-    return found
+    return [*found, *_by_two(fit, screened, atoms, effect, own)]
+
+
+def _by_two(fit: Fit, screened: Screen, atoms: Sequence[Atom], effect: Effect, own: float) -> list[Set]:
+    """The two that together gain most in place of one effect, where that is more than the effect gains.
+
+    One name with two numbers may stand for two: a spring with a rest stood for gravity that differed, and for what
+    friction of two levels does beside one. Neither in its place came near, nor any on top.
+
+    Args:
+        fit: the set without the effect.
+        screened: score test on top of it.
+        atoms: what may stand in its place.
+        effect: of the best set.
+        own: what it gains, to first order.
+    """
+    second = [atom for atom in screened.best()[:_SECOND] if not _same_or_more(atom.effect, effect)]
+    pairs = [[a, b] for a in diverse(atoms, RIVALS) for b in second if a.effect.key != b.effect.key]
+    gains = [screened.joint_gain(pair) for pair in pairs]
+    if not gains or max(gains) < own:
+        return []
+    pair = pairs[int(np.argmax(gains))]
+    return [join(fit, with_values(pair, screened.together(pair)[1]))]
 
 
 def _lost_on_a_part(

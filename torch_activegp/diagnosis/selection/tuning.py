@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from torch_activegp.diagnosis.selection.compared import Selection, fitted
+from torch_activegp.diagnosis.selection.merging import rests_of
 from torch_activegp.diagnosis.selection.proposals import Set, diverse, join, with_values
 from torch_activegp.diagnosis.selection.screening import Atom, Screen, screen
 from torch_activegp.diagnosis.shooting.fit import Fit
@@ -138,7 +139,13 @@ def is_a_tuning(
     machine lacks so much at once. An encoder's offset explained 0.99 of what was missing behind six values that were
     tuned, and 1.8 times the rest by them alone; it was named with a payload, a gain and a bias, which lost the held-out
     runs.
+
+    A constant force that says where a spring rests is a part of the spring: with it, the rotor of a leg's other joint
+    made two, and was no name.
     """
+    rests = rests_of(others, tunable)
+    if 0 < len(rests) < len(tunable):
+        tunable, others = [effect for effect in tunable if effect not in rests], [*others, *rests]
     clearly = needed and len(tunable) >= _MANY and selection.best.chi2 < NOISE_ALONE * shooting.dof
     if (len(tunable) <= _FEW or clearly) and _was_not_tuned(shooting, selection, tunable):
         return False

@@ -23,7 +23,7 @@ _STEPS = 8
 _BETTER = 0.5
 
 
-def chained(shooting: Shooting, fit: Fit) -> Fit:
+def chained(shooting: Shooting, fit: Fit, rest: bool = True) -> Fit:
     """The fit with segments that stand out begun where the segments before them lead, or at rest, where that is better.
 
     The speed at an impact is not what a smoothed recording shows, and no derivative leads from one side of an impact to
@@ -33,6 +33,7 @@ def chained(shooting: Shooting, fit: Fit) -> Fit:
     Args:
         shooting: the likelihood.
         fit: of any set.
+        rest: whether it is begun at rest too.
     """
     before = fit
     for number in range(_ROUNDS):
@@ -40,7 +41,7 @@ def chained(shooting: Shooting, fit: Fit) -> Fit:
         if not out.any() or fit.design is None:
             break
         known = fit
-        ways = [_continued(shooting, fit), *([] if number else _at_rest(shooting))]  # rest ends as before
+        ways = [_continued(shooting, fit), *(_at_rest(shooting) if rest and not number else [])]  # later ends as before
         fit = _tried(shooting, fit, out, ways)
         if fit is known:
             break
