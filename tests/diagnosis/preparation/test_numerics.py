@@ -146,7 +146,8 @@ def test_a_hopeless_form_is_given_up_after_one_fit(clean, monkeypatch) -> None:
     shooting = truth_of(clean, made, "fine", 0.1)
     settled = []
 
-    def listen(working, judged):
+    def listen(working, judged, rest):
+        assert rest  # nothing touches
         settled.append(judged.chi2 / working.dof)
         return judged
 
@@ -448,13 +449,14 @@ def test_where_something_touches_all_data_are_fitted_first_by_the_form_that_is_k
     fits = [dataclasses.replace(begin, chi2=chi2) for chi2 in ends]
     seen: list = []
 
-    def settled(shooting, engine, judged, *_):
+    def settled(shooting, engine, judged, *_, rest):
+        assert not rest  # which was tried as the segments were cut
         seen.append((shooting.engine, judged))
         return shooting, fits[len(seen) - 1]
 
     monkeypatch.setattr(numerics, "settled", settled)
     monkeypatch.setattr(
-        numerics, "first_close", lambda precise, forms, judged, exact, known: (precise, (judged, exact))
+        numerics, "first_close", lambda precise, forms, judged, exact, known, rest=True: (precise, (judged, exact))
     )
     _, found = made._on_all(working, made.fine, begin)
     assert [form for form, _ in seen] == [getattr(made, name) for name in forms]
@@ -463,3 +465,21 @@ def test_where_something_touches_all_data_are_fitted_first_by_the_form_that_is_k
     smooth = dataclasses.replace(made, stiff=False)
     assert smooth._on_all(working, made.fine, begin)[1] == (begin, None)
     assert len(seen) == len(forms)
+
+
+def test_where_something_touches_rest_is_tried_again_behind_what_may_hold_a_joint(bench, clean, monkeypatch) -> None:
+    seen: list[bool] = []
+
+    def listen(shooting, fit, rest=True):
+        seen.append(rest)
+        return fit
+
+    monkeypatch.setattr(agreement, "chained", listen)
+    made = dataclasses.replace(Numerics.of(clean.integrated("Euler", 0.01), 1), stiff=True)
+    shooting = truth_of(clean, made, "fine")
+    for name, values, tried in (("viscous_friction", 0.01, False), ("coulomb_friction", 1e-4, True)):
+        fit = shooting.fit([((clean.effect(name),), (np.array([values]),))], clean.nominal.starts, 2)[0]
+        made._working(Rival.at(shooting, made.fine, fit), shooting, fit, np.inf)
+        made._on_all(dataclasses.replace(shooting, engine=made.coarse), made.fine, fit)
+        assert set(seen) == {tried}
+        seen.clear()

@@ -1,10 +1,12 @@
 from __future__ import annotations
 
+import dataclasses
+
 import mujoco
 import numpy as np
 import pytest
 
-from torch_activegp.diagnosis.selection.merging import merged, push, pushes_alone
+from torch_activegp.diagnosis.selection.merging import merged, push, pushes_alone, rests_of
 from torch_activegp.physics import Place
 from torch_activegp.physics.friction import AsymmetricCoulomb, CoulombFriction
 from torch_activegp.physics.inertia import CenterOfMassOffset, GravityError, pulls_of_gravity
@@ -100,6 +102,15 @@ def test_a_spring_and_a_constant_push_are_a_spring_that_rests_elsewhere(bench) -
         assert form.describe(values) == pytest.approx({"stiffness": 2.0, "rest": 0.3})
         assert merged([(cubic, np.array([2.0])), pairs[2]], tried) == []
         assert merged(pairs[:2], tried) == []
+
+
+def test_a_constant_push_says_where_a_spring_rests_that_holds_no_rest_itself(bench) -> None:
+    at_zero, resting = (next(e for e in bench.effects if type(e) is kind) for kind in (CenteredSpring, LinearSpring))
+    push, bias = bench.effect("constant_force"), bench.effect("actuator_bias", "actuator:drive")
+    wet = bench.effect("viscous_friction")
+    assert rests_of([wet, at_zero], [push, wet, bias]) == [push, bias]
+    assert rests_of([resting, wet], [push, bias]) == []
+    assert rests_of([dataclasses.replace(at_zero, target="joint:knee")], [push, bias]) == []
 
 
 def test_another_centre_out_of_the_plane_of_a_load_is_a_load_anywhere() -> None:

@@ -19,6 +19,7 @@ from torch_activegp.diagnosis.selection.stand_ins import (
 )
 from torch_activegp.diagnosis.shooting.score import Score
 from torch_activegp.diagnosis.simulation.candidate import Candidate
+from torch_activegp.physics.springs import LinearSpring
 
 
 def test_rivals_take_the_place_of_what_was_found(bench) -> None:
@@ -219,3 +220,31 @@ def test_all_that_gain_as_much_are_tried(bench, monkeypatch) -> None:
     found = _in_place(best, best.effects[0], bench.shooting, bench.nominal, effects)
     tried = {effect.name for some, _ in found for effect in some}
     assert tried == {*names[1:6]}
+
+
+def test_two_names_are_tried_in_place_of_one_that_may_stand_for_both(clean) -> None:
+    """A spring that rests elsewhere stood for weight and a push: neither in its place comes near, nor any on top."""
+    gravity = next(e for e in clean.effects if e.name == "gravity_error" and e.variant == "z")
+    push, spring = clean.effect("constant_force"), next(e for e in clean.effects if isinstance(e, LinearSpring))
+    there = clean.predict(Candidate((gravity, push), (np.array([-4.0]), np.array([0.1]))))
+    segments = dataclasses.replace(clean.segments, position=there)
+    shooting = dataclasses.replace(clean.shooting, segments=segments)
+    nominal, found = shooting.fit([((), ()), ((spring,), (np.array([2.0, 0.1]),))], clean.nominal.starts)
+    selection = Selection(nominal, [nominal, found], Score(shooting.samples, 60, 1.0))
+    swap(selection, shooting, [spring, gravity, push])
+    both = selection.of((gravity, push))
+    assert both is not None
+    assert both.chi2 < 0.01 * found.chi2
+    single = [selection.of((one,)) for one in (gravity, push)]
+    assert all(fit is None or fit.chi2 > found.chi2 for fit in single)
+
+
+def test_two_that_do_less_than_the_one_are_not_tried(clean) -> None:
+    """What a damping does no push and no gravity do."""
+    wet, gravity = clean.effect("viscous_friction"), clean.effect("gravity_error", "world")
+    there = clean.predict(Candidate((wet,), (np.array([0.05]),)))
+    shooting = dataclasses.replace(clean.shooting, segments=dataclasses.replace(clean.segments, position=there))
+    nominal, found = shooting.fit([((), ()), ((wet,), (np.array([0.05]),))], clean.nominal.starts)
+    selection = Selection(nominal, [nominal, found], Score(shooting.samples, 60, 1.0))
+    swap(selection, shooting, [wet, gravity, clean.effect("constant_force")])
+    assert all(len(fit.effects) < 2 for fit in selection.fits)

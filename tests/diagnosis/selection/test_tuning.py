@@ -9,6 +9,7 @@ from torch_activegp.diagnosis.selection.compared import Selection
 from torch_activegp.diagnosis.selection.screening import Atom, Screen
 from torch_activegp.diagnosis.selection.tuning import at_an_optimum, beside, is_a_tuning, only_undoes, paying, undone
 from torch_activegp.diagnosis.shooting.score import Score
+from torch_activegp.physics.springs import CenteredSpring
 
 NAMES = ("cubic_spring", "quadratic_drag", "viscous_friction", "armature_error")
 PRICE = 9.0
@@ -218,3 +219,22 @@ def test_many_corrections_that_no_few_names_make_up_for_are_a_tuning(
     explained = bench.nominal.chi2 - best.chi2
     selection.tunable_gains = {rotor: alone * explained}, alone * explained
     assert is_a_tuning(bench.shooting, selection, [rotor] * count, [damping], needed) is (tuned and alone == 0.0)
+
+
+@pytest.mark.parametrize(("together", "tuned"), [(0.2, True), (0.4, False)])
+def test_where_a_spring_rests_is_no_correction_of_its_own(bench, monkeypatch, together: float, tuned: bool) -> None:
+    """With it, one correction would be two, of which less is asked."""
+    seen = []
+    monkeypatch.setattr("torch_activegp.diagnosis.selection.tuning.only_undoes", lambda *_: True)
+    monkeypatch.setattr(
+        "torch_activegp.diagnosis.selection.tuning.fitted", lambda _, __, some: seen.append(list(some)) or bench.nominal
+    )
+    spring = next(e for e in bench.effects if isinstance(e, CenteredSpring) and e.name == "linear_spring")
+    rotor, push = bench.effect("armature_error"), bench.effect("constant_force")
+    best = dataclasses.replace(bench.fit("viscous_friction", bench.viscous), chi2=bench.nominal.chi2 - 1000.0)
+    selection = Selection(bench.nominal, [bench.nominal, best], Score(bench.shooting.samples, 60, 1.0))
+    selection.tunable_gains = {rotor: 100.0}, 1000.0 * together
+    assert is_a_tuning(bench.shooting, selection, [rotor, push], [spring]) is tuned
+    assert seen == ([[rotor], [spring, push]] if tuned else [])
+    assert is_a_tuning(bench.shooting, selection, [push], [spring]) is tuned  # nothing else was tuned
+    assert is_a_tuning(bench.shooting, selection, [rotor, push], [bench.effect("viscous_friction")])

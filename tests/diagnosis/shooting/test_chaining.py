@@ -143,6 +143,10 @@ def test_to_be_at_rest_is_tried_once(two, monkeypatch) -> None:
     chained(two, fit)
     assert len(tried) > 4 * two.segments.size
     assert all(tried.count(row.tobytes()) == 1 for start in at_rest for row in start)
+    tried.clear()
+    chained(two, fit, rest=False)
+    assert tried
+    assert not any(tried.count(row.tobytes()) for start in at_rest for row in start)
 
 
 def test_segments_begin_where_another_set_begins_them_if_that_is_better(bench) -> None:

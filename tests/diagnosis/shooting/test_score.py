@@ -28,20 +28,21 @@ def test_further_components_of_a_vector_cost_no_more_than_corrections(bench) -> 
 
 
 @pytest.mark.parametrize(
-    ("scale", "each"),
+    ("scale", "mismatch", "each"),
     [
-        (1.0, 15.0),  # noise alone
-        (1.08, 0.05 * 20_000 * (1 - 1 / 1.08)),  # a part of what is left above it
-        (1.2, 0.003 * 1e6 / 1.2),  # much is left: as any parameter
+        (1.0, 1e5, 15.0),  # noise alone
+        (1.0, 1e6, 1e-4 * 1e6),  # simulators differ by that
+        (1.08, 5e5, 0.05 * 20_000 * (1 - 1 / 1.08)),  # a part of what is left above it
+        (1.2, 1e6, 0.003 * 1e6 / 1.2),  # much is left: as any parameter
     ],
 )
-def test_near_the_noise_a_law_may_refine_the_one_it_contains(bench, scale: float, each: float) -> None:
+def test_near_the_noise_a_law_may_refine_the_one_it_contains(bench, scale: float, mismatch: float, each: float) -> None:
     """A static friction explains far less of a large mismatch than dry friction does, and shows clearly."""
-    score = Score(samples=20_000, names=30, scale=scale, mismatch=1e6)
+    score = Score(samples=20_000, names=30, scale=scale, mismatch=mismatch)
     dry, more = bench.effect("coulomb_friction"), bench.effect("stribeck_friction")
     assert score.price([more]) == pytest.approx(score.price([dry]) + 2 * each)
     spring = bench.effect("hysteresis")  # contains no other law
-    assert score.price([spring]) == pytest.approx(score.price([dry]) + 0.003 * 1e6 / scale)
+    assert score.price([spring]) == pytest.approx(score.price([dry]) + 0.003 * mismatch / scale)
     small = dataclasses.replace(score, mismatch=0.0)
     assert small.price([more]) == pytest.approx(small.price([dry]) + 2 * math.log(20_000))  # as any parameter
 

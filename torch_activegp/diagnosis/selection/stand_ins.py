@@ -11,7 +11,15 @@ from numpy.typing import NDArray
 from torch_activegp.diagnosis.selection.compared import Effort, Selection, compare, without_each
 from torch_activegp.diagnosis.selection.elsewhere import elsewhere
 from torch_activegp.diagnosis.selection.heats import CLOSE, PART, heat, near
-from torch_activegp.diagnosis.selection.proposals import Set, contains, diverse, join, other_forms, softened, with_values
+from torch_activegp.diagnosis.selection.proposals import (
+    Set,
+    contains,
+    diverse,
+    join,
+    other_forms,
+    softened,
+    with_values,
+)
 from torch_activegp.diagnosis.selection.screening import Atom, Screen, allowed, screen
 from torch_activegp.diagnosis.selection.tuning import at_an_optimum, undone
 from torch_activegp.diagnosis.shooting.fit import Fit
@@ -97,7 +105,7 @@ def _in_place(best: Fit, effect: Effect, part: Shooting, fit: Fit, effects: Sequ
 
 
 def _by_two(fit: Fit, screened: Screen, atoms: Sequence[Atom], effect: Effect, own: float) -> list[Set]:
-    """The two that together gain most in place of one effect, where that is more than the effect gains.
+    """The two that together gain most in place of one effect, where that is about as much as the effect gains.
 
     One name with two numbers may stand for two: a spring with a rest stood for gravity that differed, and for what
     friction of two levels does beside one. Neither in its place came near, nor any on top.
@@ -112,7 +120,7 @@ def _by_two(fit: Fit, screened: Screen, atoms: Sequence[Atom], effect: Effect, o
     second = [atom for atom in screened.best()[:_SECOND] if not _same_or_more(atom.effect, effect)]
     pairs = [[a, b] for a in diverse(atoms, RIVALS) for b in second if a.effect.key != b.effect.key]
     gains = [screened.joint_gain(pair) for pair in pairs]
-    if not gains or max(gains) < own:
+    if not gains or max(gains) < _AS_GOOD * own:
         return []
     pair = pairs[int(np.argmax(gains))]
     return [join(fit, with_values(pair, screened.together(pair)[1]))]
