@@ -26,6 +26,10 @@ def write_semicolons(path: Path) -> None:
     pd.DataFrame({"time": TIME, "qpos.elbow": ANGLE}).to_csv(path, index=False, sep=";")
 
 
+def write_decimal_commas(path: Path) -> None:
+    pd.DataFrame({"time": TIME, "qpos.elbow": ANGLE}).to_csv(path, index=False, sep=";", decimal=",")
+
+
 def write_tabs(path: Path) -> None:
     pd.DataFrame({"time": TIME, "qpos.elbow": ANGLE}).to_csv(path, index=False, sep="\t")
 
@@ -73,6 +77,7 @@ def write_memmap(path: Path) -> None:
     [
         ("a.csv", write_csv),
         ("a.CSV", write_semicolons),
+        ("a.csv", write_decimal_commas),
         ("a.tsv", write_tabs),
         ("a.txt", write_blanks),
         ("b.csv", write_spreadsheet_csv),

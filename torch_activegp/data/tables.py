@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 import warnings
 import zipfile
 from collections.abc import Callable, Mapping
@@ -15,12 +16,16 @@ import scipy.io
 
 from torch_activegp.errors import DataError
 
+_COMMA = re.compile(r"[+-]?\d+,\d+([eE][+-]?\d+)?")
+"""A number with a decimal comma."""
+
 
 def read_table(path: Path) -> pd.DataFrame:
     """Read a file's columns as they are.
 
     Args:
-        path: ``.csv``, ``.tsv``, ``.txt`` (separated by comma, semicolon, tab or white space, with a header),
+        path: ``.csv``, ``.tsv``, ``.txt`` (separated by comma, semicolon, tab or white space, with a header;
+            decimal commas where it is none of the commas),
             ``.parquet``, ``.npz`` (one array a column), ``.h5`` or ``.hdf5`` (one data set a column; in groups,
             ``qpos/elbow`` is ``qpos.elbow``), ``.mat`` (version 7 or older, one vector a column), or a folder written
             by :meth:`tensordict.TensorDict.memmap`.
@@ -62,12 +67,19 @@ def _damage(suffix: str, error: Exception) -> str:
 
 def _read_text(path: Path) -> pd.DataFrame:
     with path.open(encoding="utf-8-sig") as file:
-        header = file.readline()
+        header, row = file.readline(), file.readline()
     found = [separator for separator in ",;\t" if separator in header]
+    separator = found[0] if found else r"\s+"
+    commas = separator != "," and any(_COMMA.fullmatch(cell.strip()) for cell in re.split(separator, row))
     with warnings.catch_warnings():
         warnings.simplefilter("error", pd.errors.ParserWarning)  # rows longer than the header
         table = pd.read_csv(
-            path, sep=found[0] if found else r"\s+", skipinitialspace=True, encoding="utf-8-sig", index_col=False
+            path,
+            sep=separator,
+            decimal="," if commas else ".",
+            skipinitialspace=True,
+            encoding="utf-8-sig",
+            index_col=False,
         )
     return table.rename(columns=lambda name: str(name).strip())
 
