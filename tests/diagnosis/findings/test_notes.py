@@ -3,6 +3,7 @@ from __future__ import annotations
 import dataclasses
 
 import numpy as np
+import pytest
 
 from torch_activegp.diagnosis.findings.notes import search_notes
 from torch_activegp.diagnosis.selection.compared import Selection
@@ -24,6 +25,18 @@ def test_nothing_is_said_of_a_search_as_it_should_be_and_all_that_is_not(bench) 
     assert "sticks firmly" in numerics
     assert "47% of the recordings" in part
     assert "15 million time steps" in end
+
+
+@pytest.mark.parametrize(
+    ("integrator", "step", "words"), [("RK4", 0.005, ""), ("RK4", 0.02, "4 times"), ("Euler", 0.01, "8 times")]
+)
+def test_it_is_said_how_much_slower_other_numerics_are(bench, integrator: str, step: float, words: str) -> None:
+    """By evaluations: Runge-Kutta makes four in each time step."""
+    selection = Selection(bench.nominal, [bench.nominal], Score(bench.shooting.samples, 5, 1.0))
+    found = Explanation(bench.engine, bench.shooting, selection, (), fine=True)
+    note = search_notes(found, bench.integrated(integrator, step).model, ())[0]
+    assert ("as long to simulate" in note) is bool(words)
+    assert words in note
 
 
 def test_what_was_not_sought_on_a_joint_that_does_not_turn_back_is_told(bench) -> None:

@@ -147,7 +147,7 @@ def test_a_hopeless_form_is_given_up_after_one_fit(clean, monkeypatch) -> None:
     settled = []
 
     def listen(working, judged, rest):
-        assert rest  # nothing touches
+        assert not rest  # nothing sticks
         settled.append(judged.chi2 / working.dof)
         return judged
 
@@ -467,7 +467,20 @@ def test_where_something_touches_all_data_are_fitted_first_by_the_form_that_is_k
     assert len(seen) == len(forms)
 
 
-def test_where_something_touches_rest_is_tried_again_behind_what_may_hold_a_joint(bench, clean, monkeypatch) -> None:
+@pytest.mark.parametrize(
+    ("joint", "stiff", "effect", "tried"),
+    [
+        ("", True, "viscous_friction", False),
+        ("", True, "coulomb_friction", True),
+        ("", False, "viscous_friction", False),
+        ("", False, "coulomb_friction", True),
+        ('frictionloss="1e-5"', False, "viscous_friction", True),
+        ('frictionloss="1e-5"', True, "viscous_friction", False),  # as the segments were cut
+    ],
+)
+def test_rest_is_tried_again_where_something_may_hold_a_joint(
+    bench, clean, monkeypatch, joint: str, stiff: bool, effect: str, tried: bool
+) -> None:
     seen: list[bool] = []
 
     def listen(shooting, fit, rest=True):
@@ -475,11 +488,9 @@ def test_where_something_touches_rest_is_tried_again_behind_what_may_hold_a_join
         return fit
 
     monkeypatch.setattr(agreement, "chained", listen)
-    made = dataclasses.replace(Numerics.of(clean.integrated("Euler", 0.01), 1), stiff=True)
+    made = dataclasses.replace(Numerics.of(clean.integrated("Euler", 0.01, joint), 1), stiff=stiff)
     shooting = truth_of(clean, made, "fine")
-    for name, values, tried in (("viscous_friction", 0.01, False), ("coulomb_friction", 1e-4, True)):
-        fit = shooting.fit([((clean.effect(name),), (np.array([values]),))], clean.nominal.starts, 2)[0]
-        made._working(Rival.at(shooting, made.fine, fit), shooting, fit, np.inf)
-        made._on_all(dataclasses.replace(shooting, engine=made.coarse), made.fine, fit)
-        assert set(seen) == {tried}
-        seen.clear()
+    fit = shooting.fit([((clean.effect(effect),), (np.array([1e-4]),))], clean.nominal.starts, 2)[0]
+    made._working(Rival.at(shooting, made.fine, fit), shooting, fit, np.inf)
+    made._on_all(dataclasses.replace(shooting, engine=made.coarse), made.fine, fit)
+    assert set(seen) == {tried}

@@ -23,6 +23,7 @@ _SCHEMES = {
 }
 _MOST = 0.75
 """Share of the recordings below which it is said: ends of runs and first rows of segments never count."""
+_SLOWER = 1.5
 _TO_AND_FRO = {"hysteresis": "hysteresis", "asymmetric_friction": "friction that differs between the directions"}
 _CUT_SHORT = (
     f"The search for effects ended early: when it had computed {Depth().work / 1e6:g} million time steps, or because "
@@ -94,12 +95,28 @@ def _numerics_note(explanation: Explanation, model: mujoco.MjModel) -> list[str]
         f"The effects were fitted with the model integrated {_how(explanation)}{firmly}: the recordings agree with "
         f"that as well as with the model as it stands (by {_SCHEMES[int(model.opt.integrator)]} in steps of "
         f"{model.opt.timestep:g} s), or better. That difference is one of numerics and is not named."
+        f"{_slower(explanation, model)}"
     ]
+
+
+def _slower(explanation: Explanation, model: mujoco.MjModel) -> str:
+    """How many times as long a simulation takes so, in a sentence; nothing where that is little."""
+    own, engine = int(model.opt.integrator), explanation.engine.without_leapfrog()
+    evaluations = {int(mujoco.mjtIntegrator.mjINT_RK4): 4.0}
+    here, before = (evaluations.get(which, 1.0) for which in (int(engine.model.opt.integrator), own))
+    ratio = here / _step(explanation) / (before / model.opt.timestep)
+    if ratio < _SLOWER:
+        return ""
+    return f" It takes {ratio:.2g} times as long to simulate; the model as it stands is quicker and less exact."
+
+
+def _step(explanation: Explanation) -> float:
+    """The time step that goes into the corrected model, s."""
+    return median_step(explanation.shooting.segments.runs) / explanation.engine.without_leapfrog().substeps
 
 
 def _how(explanation: Explanation) -> str:
     """Integrator and time step, as they go into the corrected model."""
-    engine = explanation.engine.without_leapfrog()
-    step = median_step(explanation.shooting.segments.runs) / engine.substeps
+    engine, step = explanation.engine.without_leapfrog(), _step(explanation)
     explicitly = ", damping taken explicitly," * engine.explicit
     return f"by {_SCHEMES[int(engine.model.opt.integrator)]}{explicitly} in steps of {step:.3g} s"

@@ -249,9 +249,9 @@ class Numerics(Forms):
         engine = rival.engine
         precise = dataclasses.replace(first, engine=engine, cheap=self.coarse)
         forms = self._cheap_ones(rival, precise, rough)
+        rest = self._may_stick(rough)
         if not self.stiff:
-            return first_close(precise, forms, rough, None, rival.exact, lost)
-        rest = _may_stick(rough)
+            return first_close(precise, forms, rough, None, rival.exact, lost, rest=rest)
         exact = settled(precise, engine, rough, None, lost, rest)[1]
         if exact.chi2 > lost or not np.isfinite(exact.chi2):
             return precise, exact
@@ -262,10 +262,11 @@ class Numerics(Forms):
         precise = dataclasses.replace(working, engine=engine, cheap=self.coarse)
         close = working.engine
         forms = cheaper((close, self.stand_in(engine)), engine, working.segments)
+        rest = self._may_stick(begin)
         if not self.stiff:
-            return first_close(precise, forms, begin, None, known=close)
+            return first_close(precise, forms, begin, None, known=close, rest=rest)
         # from where the form ends that is known to be close, which costs less
-        rest, led = _may_stick(begin), begin
+        led = begin
         if close is not engine:
             led = settled(dataclasses.replace(precise, engine=close), engine, begin, rest=rest)[1]
         tried = [led, begin] if np.isfinite(led.chi2) and led is not begin else [begin]
@@ -294,7 +295,6 @@ class Numerics(Forms):
 
         return [*sorted(cheap[:-1], key=far), cheap[-1]]
 
-
-def _may_stick(fit: Fit) -> bool:
-    """Whether an effect of a fit may hold a joint. Else rest was tried where something touches, as it was cut."""
-    return any(map(is_abrupt, fit.effects))
+    def _may_stick(self, fit: Fit) -> bool:
+        """Whether something may hold a joint. Else rest is no other place to begin from than those that were tried."""
+        return any(map(is_abrupt, fit.effects)) or (not self.stiff and self.given.model.dof_frictionloss.any())
