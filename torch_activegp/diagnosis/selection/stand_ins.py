@@ -117,8 +117,9 @@ def _by_two(fit: Fit, screened: Screen, atoms: Sequence[Atom], effect: Effect, o
         effect: of the best set.
         own: what it gains, to first order.
     """
-    second = [atom for atom in screened.best()[:_SECOND] if not _same_or_more(atom.effect, effect)]
-    pairs = [[a, b] for a in diverse(atoms, RIVALS) for b in second if a.effect.key != b.effect.key]
+    first = diverse([atom for atom in atoms if atom.effect.key != effect.key], RIVALS)
+    second = [atom for atom in screened.best()[:_SECOND] if not contains(atom.effect, effect)]
+    pairs = [[a, b] for a in first for b in second if b.effect.key not in (effect.key, a.effect.key)]
     gains = [screened.joint_gain(pair) for pair in pairs]
     if not gains or max(gains) < _AS_GOOD * own:
         return []
