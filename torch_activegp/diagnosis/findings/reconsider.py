@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 
 from torch_activegp.diagnosis.findings.doubts import reservation
+from torch_activegp.diagnosis.findings.idle_names import without_idle
 from torch_activegp.diagnosis.findings.unforeseen import seen_there, surprise
 from torch_activegp.diagnosis.findings.unseen import foreseeable, refutation, taken_back
 from torch_activegp.diagnosis.findings.unsure_runs import expected_error
@@ -47,7 +48,9 @@ def reconsider(
             return expected_error(engine, shooting, chosen, runs, np.asarray(starts)[calm])
 
         why = reservation(shooting, chosen, machine.doubts) or refutation(foreseeable(holdout), expected)
-        return None if why is None else (explanation, taken_back(verdict, why))
+        if why is not None:
+            return explanation, taken_back(verdict, why)
+        return without_idle(explanation, chosen, holdout, machine.holdout)
     if verdict.judgement.verdict != "none":
         return None
     mute = {run.label for run in machine.holdout if run.label in wild and _touches(machine, run)}
