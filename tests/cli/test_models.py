@@ -42,6 +42,7 @@ def test_a_model_may_be_what_a_diagnosis_saved(folder: Path) -> None:
     ("word", "message"),
     [
         ("gone.xml", "Unknown model 'gone.xml'. Wanted an MJCF file (none is there"),
+        ("runs/corrected.pt", "found no file 'runs/corrected.pt'"),
         ("lass", "Unknown model 'lass': did you mean 'laas'? Wanted"),
         ("machines.py", "MuJoCo cannot compile `machines.py`"),
         ("machines:number", "Simulator from `machines:number`, found a int"),

@@ -165,7 +165,7 @@ def test_a_file_that_is_no_map_is_refused(tmp_path: Path) -> None:
         (
             {"qpos.a": "x"},
             {"x": ["1", "2", "3,5"]},
-            "row 3, column `x`: .* found '3,5'. Write decimal points",
+            "row 3, column `x`: .* found '3,5'. Write points, or commas everywhere",
         ),
         ({"qpos.a": "x"}, {"x": [1.0, -np.inf]}, "row 2, column `x`: .* found -inf"),
         ({"run": "x"}, {"x": ["a", None]}, "row 2, column `x`: the run's name is missing"),

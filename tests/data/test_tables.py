@@ -152,3 +152,22 @@ def test_arrays_that_are_no_columns_are_refused(tmp_path: Path) -> None:
     np.savez(tmp_path / "c.npz", time=np.array([None, 1]))
     with pytest.raises(DataError, match="c.npz: cannot be read as .npz: .*allow_pickle"):
         read_table(tmp_path / "c.npz")
+
+
+@pytest.mark.parametrize(
+    ("text", "values"),
+    [
+        ("time;qpos.a\n0;0\n0,01;-0,5\n", [0.0, -0.5]),  # the first row has none
+        ('time;qpos.a\n"0,00";"-0,5"\n"0,01";"1,5e-3"\n', [-0.5, 1.5e-3]),
+        ("time;qpos.a\n0,0;\n0,1;,5\n", [np.nan, 0.5]),
+        ("time\tqpos.a\n0,5\t3\n0,6\t4\n", [3.0, 4.0]),
+    ],
+)
+def test_decimal_commas_are_read_between_other_separators(tmp_path: Path, text: str, values: list[float]) -> None:
+    (path := tmp_path / "a.csv").write_text(text)
+    np.testing.assert_allclose(read_table(path)["qpos.a"], values)
+
+
+def test_commas_are_no_decimals_where_there_are_points(tmp_path: Path) -> None:
+    (path := tmp_path / "a.csv").write_text("time;run\n0.1;1,5\n0.2;1,6\n")
+    assert read_table(path)["run"].tolist() == ["1,5", "1,6"]

@@ -44,6 +44,16 @@ def test_the_maps_start_with_the_worst_and_share_one_scale(fakes: Any) -> None:
     assert charts[0].marks[1].path.startswith("M62.5")  # the first bin has no sample
 
 
+def test_a_bin_is_told_by_its_mean_force_in_standard_errors_and_next_to_nothing_is_drawn_alike(fakes: Any) -> None:
+    diagnosis, evidence = fakes["named"]()
+    found = evidence["map_region"][0]
+    squares = [400.0, *[1.0] * (len(found["before"]) - 1)]
+    evidence["map_region"] = [{**found, "count": [9] * len(squares), "before": squares, "after": [1e-5] * len(squares)}]
+    (chart,) = place(diagnosis, evidence).content["charts"]
+    assert chart.title.endswith(" 20 standard errors")
+    assert chart.y.low > 0.1
+
+
 def test_where_nothing_is_missing_nothing_stands_out(fakes: Any) -> None:
     assert place(*fakes["none"]()).heading == "No part of the motion stands out from the noise"
 

@@ -266,7 +266,11 @@ def _floats(series: pd.Series, where: str, column: str) -> np.ndarray:
     text = np.flatnonzero((numbers.isna() & series.notna()).to_numpy() & (series.astype(str).str.lower() != "nan"))
     if text.size:
         cell = series.iloc[text[0]]
-        mend = "Write decimal points." if _COMMA.fullmatch(str(cell)) else "Mend the cell or drop the row."
+        mend = (
+            "Write points, or commas everywhere and semicolons between columns."
+            if _COMMA.fullmatch(str(cell))
+            else "Mend the cell or drop the row."
+        )
         raise DataError(f"{where}, row {text[0] + 1}, column `{column}`: a number wanted, found {cell!r}. {mend}")
     values = numbers.to_numpy(dtype=np.float64, na_value=np.nan)
     check_finite(values, where, column)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import re
 import warnings
 import zipfile
@@ -16,8 +17,9 @@ import scipy.io
 
 from torch_activegp.errors import DataError
 
-_COMMA = re.compile(r"[+-]?\d+,\d+([eE][+-]?\d+)?")
-"""A number with a decimal comma."""
+_LOOK = 50
+"""Rows that are looked at for decimal commas; none where one of them has a point."""
+_COMMA, _POINT = (re.compile(rf"[+-]?\d*{mark}\d+([eE][+-]?\d+)?") for mark in (",", r"\."))
 
 
 def read_table(path: Path) -> pd.DataFrame:
@@ -67,10 +69,11 @@ def _damage(suffix: str, error: Exception) -> str:
 
 def _read_text(path: Path) -> pd.DataFrame:
     with path.open(encoding="utf-8-sig") as file:
-        header, row = file.readline(), file.readline()
+        header, rows = file.readline(), list(itertools.islice(file, _LOOK))
     found = [separator for separator in ",;\t" if separator in header]
     separator = found[0] if found else r"\s+"
-    commas = separator != "," and any(_COMMA.fullmatch(cell.strip()) for cell in re.split(separator, row))
+    cells = [cell.strip(' "\n\r') for row in rows for cell in re.split(separator, row)]
+    commas = any(map(_COMMA.fullmatch, cells)) and not any(map(_POINT.fullmatch, cells))
     with warnings.catch_warnings():
         warnings.simplefilter("error", pd.errors.ParserWarning)  # rows longer than the header
         table = pd.read_csv(

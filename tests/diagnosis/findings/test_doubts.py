@@ -40,6 +40,17 @@ def test_names_that_leave_as_much_as_straight_lines_are_not_given(quiet, bench, 
     assert given or "straight lines through each 0.48 s" in str(why)
 
 
+@pytest.mark.parametrize(("part", "given"), [(0.0012, True), (0.18, False)])
+def test_names_as_those_of_real_drives_stand_and_those_of_a_command_in_degrees_do_not(
+    quiet, bench, part: float, given: bool
+) -> None:
+    lines = straight_lines(quiet)
+    loud = dataclasses.replace(quiet, noise=dataclasses.replace(quiet.noise, scale=1e-2 * quiet.noise.scale))
+    fit = dataclasses.replace(bench.nominal, chi2=part * 1e4 * lines)
+    assert fit.chi2 > MUCH_LEFT * loud.dof
+    assert (reservation(loud, fit, ()) is None) is given
+
+
 def test_names_that_leave_much_of_doubtful_recordings_are_not_given(record, model, quiet, bench) -> None:
     """A motor's controls that are recorded a hundred times too large: no name may stand for that."""
     left = [dataclasses.replace(bench.nominal, chi2=times * quiet.dof) for times in (0.9 * MUCH_LEFT, 1.1 * MUCH_LEFT)]

@@ -46,6 +46,12 @@ def test_what_is_far_off_the_motion_itself_is_lost_however_far_off_the_simulator
     assert (refutation(said(35e3, after)) is not None) is lost
 
 
+@pytest.mark.parametrize("before", [900.0, 1600.0, 1700.0, 35e3])
+def test_what_sees_well_ahead_is_excused_however_far_off_the_simulator_was(before: float) -> None:
+    assert refutation(said(before, 400.0, (500.0, 10.0))) is None
+    assert refutation(said(before, 520.0, (500.0, 10.0))) is not None
+
+
 @pytest.mark.parametrize(
     ("free", "step", "lost"),
     [

@@ -64,14 +64,14 @@ def doubts(runs: list[Recording]) -> list[str]:
             (
                 "the sign seems",
                 "as if -0.9",
-                "ctrl.push = { sign = -1 }, beside the column, or without that where it is there.",
+                'ctrl.push = { column = "...", sign = -1 }, or without that where it is there.',
             ),
         ),
         (
             1e3,
             (
                 "the unit seems",
-                "ctrl.push = { scale = 1e-3 }, beside the column, times any scale there; or the positions' unit is the "
+                'ctrl.push = { column = "...", scale = 1e-3 }, times any scale there; or the positions\' unit is the '
                 "wrong one.",
             ),
         ),
@@ -159,7 +159,7 @@ def driven(actuator: str, factor: float) -> list[str]:
 def test_a_servo_whose_command_is_in_degrees_or_rpm_is_doubted(actuator: str, factor: float, unit: str) -> None:
     (text,) = driven(actuator, factor)
     assert f"the unit seems to be {unit}. " in text
-    assert f'ctrl.servo = {{ unit = "{unit}" }}, beside the column, in place of any unit there.' in text
+    assert f'ctrl.servo = {{ column = "...", unit = "{unit}" }}, in place of any unit there.' in text
     assert driven(actuator, 1.0) == []
 
 
@@ -174,9 +174,26 @@ def test_a_motor_whose_force_is_far_off_is_not_taken_for_a_servo() -> None:
         ('<velocity name="servo" joint="hip"/>', 2),
         ('<motor name="servo" joint="hip"/>', 0),
         ('<general name="servo" joint="hip" biastype="affine" biasprm="1 0 0"/>', 0),
+        ('<general name="servo" joint="hip" gainprm="2" biastype="affine" biasprm="0 0 -.3"/>', 0),  # back-EMF
+        ('<general name="servo" joint="hip" gainprm="8" biastype="affine" biasprm="0 -8 -.1"/>', 1),
+        ('<position name="servo" tendon="cord"/>', 0),
         ('<position name="servo" joint="rail"/>', 0),
     ],
 )
 def test_what_a_servo_leads_a_hinge_to(actuator: str, order: int) -> None:
     text = SERVO.format(actuator).replace("<geom", '<joint name="rail" type="slide"/><geom')
-    assert servo_order(mujoco.MjModel.from_xml_string(text), "servo") == order
+    cord = '<tendon><fixed name="cord"><joint joint="hip" coef="1"/></fixed></tendon>'
+    assert servo_order(mujoco.MjModel.from_xml_string(text.replace("</mujoco>", f"{cord}</mujoco>")), 0) == order
+
+
+def test_actuators_need_no_names(records) -> None:
+    """The model then counts them; one without a control comes first."""
+    xml = XML.replace(' name="push"', "").replace(' name="drive"', "")
+    xml = xml.replace("<actuator>", '<actuator><dcmotor joint="rod" motorconst="1" resistance="1" input="none"/>')
+    runs = []
+    for run in records(-1.0):
+        columns = {key: run[key].numpy() for key in ("qpos.slide", "qpos.rod")}
+        columns |= {"ctrl.actuator1": run["ctrl.push"].numpy(), "ctrl.actuator2": run["ctrl.drive"].numpy()}
+        runs.append(Recording.from_columns(run.label, {"time": run.time.numpy(), **columns}))
+    machine = make_machine(mujoco.MjModel.from_xml_string(xml), runs, [])
+    assert any("Column `ctrl.actuator1`: the sign" in text for text in machine.doubts)

@@ -85,7 +85,7 @@ def test_one_joint_of_two_in_degrees_is_the_one_that_is_named(double) -> None:
     """Whatever else moves because of it; a model that lacks a hundred times what it has is no doubt any more."""
     run = double.record(0, seconds=2.0)
     wrong = run.replace({"qpos.elbow": run["qpos.elbow"] * 180 / np.pi})
-    words = r'qpos\.elbow = \{ unit = "deg" \}, beside the column and in place of any unit there'
+    words = r'qpos\.elbow = \{ column = "\.\.\.", unit = "deg" \}, in place of any unit there'
     with pytest.raises(DataError, match=words):
         make_machine(double.model(), [dataclasses.replace(wrong, prescribed=())] * 2, [])
 

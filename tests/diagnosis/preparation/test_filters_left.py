@@ -124,12 +124,31 @@ def test_where_rounding_is_all_that_is_fast_no_filter_is_asked_for(model) -> Non
     assert rounding_behind([dataclasses.replace(run, video=True) for run in made.fit], 0) == 0.0
 
 
-@pytest.mark.parametrize(("step", "offset"), [(7.67e-4, 0.0), (0.5, 0.12)])
-def test_the_step_of_an_encoder_is_that_of_its_counts(step: float, offset: float) -> None:
-    counts = np.random.default_rng(0).integers(-2000, 2000, 900)
-    assert resolution(step * counts + offset) == pytest.approx(step)
+def encoder() -> np.ndarray:
+    """Counts of 8192 a turn, in rad."""
+    return 2 * np.pi / 8192 * np.random.default_rng(0).integers(-2000, 2000, 900)
 
 
-@pytest.mark.parametrize("values", [np.zeros(5), np.random.default_rng(0).normal(size=900)])
+@pytest.mark.parametrize(
+    "written", [lambda q: q, lambda q: q + 0.12, lambda q: q.astype(np.float32), lambda q: q.round(5)]
+)
+def test_the_step_of_an_encoder_is_that_of_its_counts_however_it_was_written(written) -> None:
+    assert resolution(written(encoder())) == pytest.approx(2 * np.pi / 8192, rel=1e-3)
+
+
+@pytest.mark.parametrize("values", [np.zeros(5), np.random.default_rng(0).normal(size=900), np.array([0.0, 1.0, 1.7])])
 def test_what_does_not_move_and_what_is_not_rounded_has_no_step(values) -> None:
     assert resolution(values) == 0.0
+
+
+def test_glitches_and_runs_at_rest_hide_no_rounding(model) -> None:
+    made = machine(model, CORNER, step=1.5e-3)
+    first, *others = made.fit
+    lost = np.zeros(len(first), dtype=bool)
+    lost[50] = True
+    position = first.position.copy()
+    position[50] += 0.4e-3
+    runs = [dataclasses.replace(first, position=position, left_out=lost), *others]
+    runs.append(dataclasses.replace(first, position=np.full_like(first.position, 0.3)))
+    assert rounding_behind(runs, 0) > 0.0
+    assert rounding_behind([dataclasses.replace(first, position=position), *others], 0) == 0.0  # off the grid

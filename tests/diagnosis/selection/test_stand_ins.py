@@ -5,9 +5,10 @@ import dataclasses
 import numpy as np
 import pytest
 
+from torch_activegp.diagnosis.selection import stand_ins
 from torch_activegp.diagnosis.selection.compared import Selection
 from torch_activegp.diagnosis.selection.heats import Heat
-from torch_activegp.diagnosis.selection.screening import Atom, Screen
+from torch_activegp.diagnosis.selection.screening import Atom, Screen, screen
 from torch_activegp.diagnosis.selection.stand_ins import (
     _enough,
     _in_place,
@@ -201,8 +202,6 @@ def test_rivals_are_sought_as_long_as_may_be(bench, monkeypatch) -> None:
 
 def test_all_that_gain_as_much_are_tried(bench, monkeypatch) -> None:
     """An encoder's offset behind four others that gain a little more is no worse a name."""
-    from torch_activegp.diagnosis.selection import stand_ins
-
     names = (
         "constant_force",
         "linear_spring",
@@ -216,6 +215,7 @@ def test_all_that_gain_as_much_are_tried(bench, monkeypatch) -> None:
     effects = [next(e for e in bench.effects if e.name == name and not e.stands_in) for name in names]
     atoms = tuple(Atom(e, e.seeds[0], gains[e.name], slice(0, 1), e.seeds[0]) for e in effects)
     monkeypatch.setattr(stand_ins, "screen", lambda *_: Screen(atoms, np.eye(1), np.zeros(1)))
+    monkeypatch.setattr(stand_ins, "_by_two", lambda *_: [])
     best = bench.fit("constant_force", 0.05)
     found = _in_place(best, best.effects[0], bench.shooting, bench.nominal, effects)
     tried = {effect.name for some, _ in found for effect in some}
@@ -239,12 +239,28 @@ def test_two_names_are_tried_in_place_of_one_that_may_stand_for_both(clean) -> N
     assert all(fit is None or fit.chi2 > found.chi2 for fit in single)
 
 
-def test_two_that_do_less_than_the_one_are_not_tried(clean) -> None:
-    """What a damping does no push and no gravity do."""
-    wet, gravity = clean.effect("viscous_friction"), clean.effect("gravity_error", "world")
-    there = clean.predict(Candidate((wet,), (np.array([0.05]),)))
+@pytest.mark.parametrize(("own", "adds", "found"), [(1.0, 0.0, 1), (1.2, 0.0, 0), (1.0, 1e9, 0)])
+def test_two_must_do_about_as_much_as_the_one_and_each_its_part(clean, monkeypatch, own, adds, found) -> None:
+    monkeypatch.setattr(stand_ins, "_ADDS", adds)
+    gravity = next(e for e in clean.effects if e.name == "gravity_error" and e.variant == "z")
+    push, spring = clean.effect("constant_force"), next(e for e in clean.effects if isinstance(e, LinearSpring))
+    there = clean.predict(Candidate((gravity, push), (np.array([-1.0]), np.array([0.1]))))
     shooting = dataclasses.replace(clean.shooting, segments=dataclasses.replace(clean.segments, position=there))
-    nominal, found = shooting.fit([((), ()), ((wet,), (np.array([0.05]),))], clean.nominal.starts)
-    selection = Selection(nominal, [nominal, found], Score(shooting.samples, 60, 1.0))
-    swap(selection, shooting, [wet, gravity, clean.effect("constant_force")])
-    assert all(len(fit.effects) < 2 for fit in selection.fits)
+    nominal = shooting.fit([((), ())], clean.nominal.starts)[0]
+    screened = screen(shooting, nominal, [spring, gravity, push])
+    gain = screened.joint_gain([atom for atom in screened.atoms if atom.effect in (gravity, push)])
+    pairs = stand_ins._by_two(nominal, screened, screened.best(), spring, own * gain)
+    assert [{e.name for e in some} for some, _ in pairs] == [{"gravity_error", "constant_force"}] * found
+
+
+def test_two_of_which_one_contains_the_other_are_no_pair(bench) -> None:
+    """Dry friction and Stribeck's are one law too many on a joint; and no form of what is replaced takes its place."""
+    dry, more = bench.effect("coulomb_friction"), bench.effect("stribeck_friction")
+    wet, both_ways = bench.effect("viscous_friction"), bench.effect("asymmetric_friction")
+    screened = screen(bench.shooting, bench.nominal, [dry, more, wet, both_ways])
+    for effect in (bench.effect("quadratic_drag"), dry):
+        pairs = stand_ins._by_two(bench.nominal, screened, screened.best(), effect, 0.0)
+        names = [{e.name for e in some} for some, _ in pairs]
+        assert all(len(some & {"coulomb_friction", "stribeck_friction"}) < 2 for some in names)
+        assert all(len(some & {"viscous_friction", "asymmetric_friction"}) < 2 for some in names)
+        assert all(effect.name not in some for some in names)

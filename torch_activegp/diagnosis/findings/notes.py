@@ -24,6 +24,7 @@ _SCHEMES = {
 _MOST = 0.75
 """Share of the recordings below which it is said: ends of runs and first rows of segments never count."""
 _SLOWER = 1.5
+"""Times as long from which on it is said."""
 _TO_AND_FRO = {"hysteresis": "hysteresis", "asymmetric_friction": "friction that differs between the directions"}
 _CUT_SHORT = (
     f"The search for effects ended early: when it had computed {Depth().work / 1e6:g} million time steps, or because "
@@ -107,7 +108,7 @@ def _slower(explanation: Explanation, model: mujoco.MjModel) -> str:
     ratio = here / _step(explanation) / (before / model.opt.timestep)
     if ratio < _SLOWER:
         return ""
-    return f" It takes {ratio:.2g} times as long to simulate; the model as it stands is quicker and less exact."
+    return f" It takes {ratio:.2g} times as long to simulate; corrected.xml has it, and may be given the model's own."
 
 
 def _step(explanation: Explanation) -> float:

@@ -27,6 +27,9 @@ sets never did. A friction that grows with the load was a damping, a gain and a 
 2.7 of the noise in free runs; a pocket of negative damping was a cogging, with 1.07 and 1.4 after one step."""
 CLEARLY_LESS = 0.75
 """Part of the error without names that a free run may leave where uncertain parameters excuse it."""
+_MEAN = 1.0
+"""The error of the mean as a forecast, as part of the motion: names are compared with that where a simulator is farther
+off without them."""
 HALF = 0.5
 """Part of the error without names that a free run may leave where one step ahead shows that they are right, and of the
 error beyond the noise where one step ahead is worse."""
@@ -70,7 +73,7 @@ def refutation(entries: Sequence[Mapping[str, Any]], expected: Callable[[], floa
 def _are_lost(entries: Sequence[Mapping[str, Any]], expected: Callable[[], float]) -> bool:
     """Whether free runs are far off, and neither a look one step ahead nor uncertain parameters excuse it."""
     before, after, noise = _errors(entries, "free_run")
-    known = min(before, 1.0)  # who knows but the mean errs by 1, however far off a simulator is without names
+    known = min(before, _MEAN)
     if after <= max(LOST * noise, NO_BETTER * known) or (after <= HALF * known and _see_ahead(entries)):
         return False
     return after > CLEARLY_LESS * before or after > LOST * math.hypot(noise, expected())
@@ -104,7 +107,8 @@ def _by_joint(entries: Sequence[Mapping[str, Any]]) -> list[list[Mapping[str, An
 
 def _see_ahead(entries: Sequence[Mapping[str, Any]]) -> bool:
     """Whether each joint whose free runs are lost is forecast far better by one step."""
-    lost = [some for some in _by_joint(entries) if (free := _errors(some, "free_run"))[1] > NO_BETTER * free[0]]
+    frees = [(some, _errors(some, "free_run")) for some in _by_joint(entries)]
+    lost = [some for some, (before, after, _) in frees if after > NO_BETTER * min(before, _MEAN)]
     sound = all(0.0 < entry["one_step"]["before"] < FAILED for some in lost for entry in some)
     steps = [_errors(some, "one_step") for some in lost]
     return bool(steps) and sound and all(after <= NO_BETTER * before for before, after, _ in steps)

@@ -269,7 +269,7 @@ def _set_aside(runs: list[Run]) -> tuple[list[Run], list[Run], str]:
         )
     head, tail = _part(runs[longest], 0, cut, "first part"), _part(runs[longest], cut, len(runs[longest]), "last part")
     others = [run for i, run in enumerate(runs) if i != longest]
-    note = f"No held-out runs given, and few: set aside the last fifth of {runs[longest].label}."
+    note = f"No held-out runs given, and few runs: set aside the last fifth of {runs[longest].label}."
     return [*others, head], [tail], note
 
 

@@ -54,22 +54,26 @@ def doubt_controls(model: mujoco.MjModel, channels: Channels, runs: Sequence[Run
         acting = [i for i, push in enumerate(pushes.T) if push.std() > 0.0]
         found = _factors(balanced.motion, pushes[:, acting], balanced.lacking[:, joint], joint)
         names = [list(inputs)[i] for i in acting]
-        for name, factor in zip(names, found, strict=True):
-            if text := _doubt(name, factor, _SERVO_UNITS[servo_order(model, name)]):
+        actuators = np.flatnonzero(model.actuator_ctrlnum > 0)[acting]
+        for name, actuator, factor in zip(names, actuators, found, strict=True):
+            if text := _doubt(name, factor, _SERVO_UNITS[servo_order(model, int(actuator))]):
                 doubts.setdefault(name, text)
     return list(doubts.values())
 
 
-def servo_order(model: mujoco.MjModel, name: str) -> int:
-    """What an actuator leads a hinge to: 1 a place, 2 a speed, 0 neither; which are orders of its bias."""
-    actuator = model.actuator(name)
-    joint = int(actuator.trnid[0])
-    hinge = int(actuator.trntype[0]) == int(mujoco.mjtTrn.mjTRN_JOINT) and (
-        int(model.jnt_type[joint]) == int(mujoco.mjtJoint.mjJNT_HINGE)
-    )
-    if not hinge or int(actuator.biastype[0]) != int(mujoco.mjtBias.mjBIAS_AFFINE):
+def servo_order(model: mujoco.MjModel, actuator: int) -> int:
+    """What an actuator leads a hinge to: 1 a place, 2 a speed, 0 neither.
+
+    Its force is proportional to how far that is from its command: a motor's back-EMF is another part of a speed.
+    """
+    joint, hinge = int(model.actuator_trnid[actuator, 0]), int(mujoco.mjtJoint.mjJNT_HINGE)
+    on_joint = int(model.actuator_trntype[actuator]) == int(mujoco.mjtTrn.mjTRN_JOINT)
+    affine = int(model.actuator_biastype[actuator]) == int(mujoco.mjtBias.mjBIAS_AFFINE)
+    if not (on_joint and affine and int(model.jnt_type[joint]) == hinge):
         return 0
-    return next((order for order in (1, 2) if actuator.biasprm[order] != 0.0), 0)
+    gain, bias = float(model.actuator_gainprm[actuator, 0]), model.actuator_biasprm[actuator]
+    order = next((order for order in (1, 2) if bias[order] != 0.0), 0)
+    return order if order and np.isclose(gain, -bias[order]) else 0
 
 
 def _doubt(name: str, factor: float, units: Mapping[str, float]) -> str:
@@ -96,8 +100,8 @@ def _doubt(name: str, factor: float, units: Mapping[str, float]) -> str:
     column = f"ctrl.{name}"
     return (
         f"Column `{column}`: {what}. The machine moves as if {factor:.3g} times its force acted, whatever else is "
-        f"missing. If so, say it in its line of a column map (--columns MAP.toml): {column} = {{ {mend} }}, beside the "
-        f"column, {also}."
+        f'missing. If so, say it in its line of a column map (--columns MAP.toml): {column} = {{ column = "...", '
+        f"{mend} }}, {also}."
     )
 
 

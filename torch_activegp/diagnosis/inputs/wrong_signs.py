@@ -52,8 +52,7 @@ def check_signs(model: mujoco.MjModel, channels: Channels, runs: Sequence[Run]) 
             f"Column `{column}`: the sign seems to be the other way round. What was recorded would take "
             f"{lacking:.2g} times the forces that the model has on joint {channels.joints[worst]}, on top of them; "
             f"with the other sign {after:.1g} times. If so, turn it in its line of a column map (--columns MAP.toml): "
-            f"{column} = {{ sign = -1 }}, beside the column, or without that where it is there; or turn it in the "
-            "model."
+            f'{column} = {{ column = "...", sign = -1 }}, or without that where it is there; or turn it in the model.'
         )
 
 

@@ -88,7 +88,7 @@ def check_units(model: mujoco.MjModel, channels: Channels, runs: Sequence[Run]) 
         f"{_worst(model, channels, runs, first)}, column `qpos.{joint}`: rad or m wanted, but this motion would take "
         f"{before:.0f} times the forces that the model has; in {unit} {less}. "
         f"{'Name the unit' if sure else 'If so, name it'} in its line of a column map (--columns MAP.toml): "
-        f'qpos.{joint} = {{ unit = "{unit}" }}, beside the column and in place of any unit there.'
+        f'qpos.{joint} = {{ column = "...", unit = "{unit}" }}, in place of any unit there.'
     )
     if sure:
         raise DataError(message)

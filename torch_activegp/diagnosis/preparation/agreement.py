@@ -93,7 +93,7 @@ def settled(
     """A form corrected by an engine where its own fit ends, and that fit; only the first one where that is lost.
 
     It begins from a fit, where what the engine predicts may be known (`exact`), and ends from a chi2 of `lost` on.
-    Segments that stand out are begun at rest too, but where that was tried already (`rest`).
+    `rest` is whether segments that stand out are begun at rest too.
     """
     for number in range(_ROUNDS):
         before = judged.chi2

@@ -26,8 +26,11 @@ _DEEPEST = 2.5
 _MOSTLY_ROUNDING, _LOUDER, _JUST_ABOVE, _WINDOW = 0.5, 4.0, 1.5, 256
 """Part of the variance that differences see which rounding must be; times that by which a spectrum of so many rows must
 be louder from the lowest corner up to so many times that."""
-_SAME_VALUE, _OFF_GRID = 1e-9, 1e-3
-"""Part of the range below which two values are the same, and of a step by which they may be off a grid."""
+_SAME_VALUE, _OFF_GRID = 1e-9, 0.05
+"""Part of the range below which two values are the same, and of a step by which they may be off a grid, for they were
+written with so many digits."""
+_GROWING = (0.001, 0.01, 0.1)
+"""Parts of the range in which a step is told, each by the one before."""
 _SEGMENTS, _ROWS = 8, 40
 """Fewer segments that are whole, or shorter ones, say too little."""
 _COHERENT = 0.5
@@ -92,7 +95,8 @@ def rounding_behind(runs: Sequence[Run], channel: int) -> float:
     """
     if any(run.video or uneven(run) for run in runs):
         return 0.0
-    step = min(resolution(run.position[run.recorded, channel]) for run in runs)
+    moves = [values for run in runs if np.ptp(values := run.position[run.counted, channel]) > 0.0]
+    step = min((resolution(values) for values in moves), default=0.0)
     density, step_of_rows = 2.0 * step**2 / 12.0, median_step(runs)
     white = 2.0 * float(np.median([run.noise[channel] ** 2 for run in runs]))
     if not _MOSTLY_ROUNDING * white < density:
@@ -107,12 +111,16 @@ def rounding_behind(runs: Sequence[Run], channel: int) -> float:
 def resolution(values: Array) -> float:
     """The step in which values were rounded, such as a count of an encoder; 0 where there is none."""
     apart = np.diff(np.unique(values))
-    if not len(apart):
-        return 0.0
-    step = float(apart[apart > _SAME_VALUE * np.ptp(values)].min(initial=np.inf))
+    least = _SAME_VALUE * float(np.ptp(values))
+    step = float(apart[apart > least].min(initial=np.inf))
     if not np.isfinite(step):
         return 0.0
-    off = np.abs((values - values[0]) / step - np.round((values - values[0]) / step))
+    away = np.sort(np.abs(values - values[0]))
+    for end in (*_GROWING, 1.0):  # a step as it was written errs more the more of them are counted
+        near = away[away <= end * away[-1]]
+        counts = np.rint(near / step)
+        step = float(counts @ near / (counts @ counts)) if counts.any() else step
+    off = np.abs(away / step - np.rint(away / step))
     return step if off.max() < _OFF_GRID else 0.0
 
 

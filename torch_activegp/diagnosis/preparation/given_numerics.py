@@ -6,6 +6,7 @@ from typing import Self
 
 from torch_activegp.diagnosis.inputs.machine import Machine
 from torch_activegp.diagnosis.preparation.numerics import Numerics
+from torch_activegp.diagnosis.shooting.fit import Fit
 from torch_activegp.diagnosis.simulation.blackbox_engine import BlackBoxEngine
 from torch_activegp.diagnosis.simulation.engine import substeps_for
 
@@ -24,6 +25,10 @@ class GivenNumerics(Numerics):
         substeps = substeps_for(machine.model, machine.fit)
         given, late = (BlackBoxEngine(machine.box, machine.channels, substeps, late=late) for late in (False, True))
         return cls(given, late, given, late)
+
+    def _may_stick(self, fit: Fit) -> bool:
+        """Always: nobody knows what holds the joints of a black box."""
+        return True
 
 
 def numerics_of(machine: Machine, nthread: int = 0) -> Numerics:

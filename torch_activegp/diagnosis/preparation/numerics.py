@@ -296,5 +296,5 @@ class Numerics(Forms):
         return [*sorted(cheap[:-1], key=far), cheap[-1]]
 
     def _may_stick(self, fit: Fit) -> bool:
-        """Whether something may hold a joint. Else rest is no other place to begin from than those that were tried."""
+        """Whether a joint may be held as a segment begins. Where something touches, rest was tried as it was cut."""
         return any(map(is_abrupt, fit.effects)) or (not self.stiff and self.given.model.dof_frictionloss.any())

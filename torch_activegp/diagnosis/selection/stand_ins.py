@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import itertools
 from collections.abc import Collection, Sequence
 
 import numpy as np
@@ -39,8 +40,9 @@ _AS_GOOD = 0.9
 gained less than an offset of the encoder, which nearly did what both do."""
 _MOST_OF_IT = 0.5
 """Of what a set explains: a part of it that does so is worth a look in its other forms."""
-_SECOND = 40
-"""Effects that are looked at beside one that may stand in."""
+_SECOND, _ADDS, _ADDS_PART = 40, 40.0, 0.01
+"""Effects that are looked at beside one that may stand in; and chi2 that each of the two must add to the other, or part
+of what the effect gains: of 8 pairs that were no pairs one added nothing."""
 _PLENTY = 400.0
 _LOST, _ROUNDS = 10.0, 20
 """Chi2 per degree of freedom by which a set is lost without an effect, and rounds of the fit that shows it."""
@@ -108,7 +110,8 @@ def _by_two(fit: Fit, screened: Screen, atoms: Sequence[Atom], effect: Effect, o
     """The two that together gain most in place of one effect, where that is about as much as the effect gains.
 
     One name with two numbers may stand for two: a spring with a rest stood for gravity that differed, and for what
-    friction of two levels does beside one. Neither in its place came near, nor any on top.
+    friction of two levels does beside one. Neither in its place came near, nor any on top. Each must add something to
+    what the other does, within the bounds of their amplitudes.
 
     Args:
         fit: the set without the effect.
@@ -117,14 +120,17 @@ def _by_two(fit: Fit, screened: Screen, atoms: Sequence[Atom], effect: Effect, o
         effect: of the best set.
         own: what it gains, to first order.
     """
-    first = diverse([atom for atom in atoms if atom.effect.key != effect.key], RIVALS)
-    second = [atom for atom in screened.best()[:_SECOND] if not contains(atom.effect, effect)]
-    pairs = [[a, b] for a in first for b in second if b.effect.key not in (effect.key, a.effect.key)]
-    gains = [screened.joint_gain(pair) for pair in pairs]
-    if not gains or max(gains) < _AS_GOOD * own:
-        return []
-    pair = pairs[int(np.argmax(gains))]
-    return [join(fit, with_values(pair, screened.together(pair)[1]))]
+    first = [atom for atom in diverse(atoms, RIVALS) if atom.effect.key != effect.key]
+    second = [atom for atom in screened.best()[:_SECOND] if atom.effect.key != effect.key]
+    alone = {id(atom): screened.possible_gain([atom]) for atom in (*first, *second)}
+    pairs: list[tuple[float, list[Atom]]] = []
+    for a, b in itertools.product(first, second):
+        if a.effect.key != b.effect.key and not contains(a.effect, b.effect) and not contains(b.effect, a.effect):
+            gain = screened.possible_gain([a, b])
+            if gain > max(alone[id(a)], alone[id(b)]) + max(_ADDS, _ADDS_PART * own):
+                pairs.append((gain, [a, b]))
+    gain, pair = max(pairs, key=lambda item: item[0], default=(0.0, []))
+    return [join(fit, with_values(pair, screened.together(pair)[1]))] if gain > _AS_GOOD * own else []
 
 
 def _lost_on_a_part(
