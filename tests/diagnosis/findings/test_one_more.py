@@ -36,3 +36,10 @@ def test_what_knew_little_gains_much_but_no_more_than_is_believed(bench, wet) ->
 def test_a_recording_that_cannot_be_simulated_tells_nothing(bench, wet) -> None:
     run = bench.machine.fit[0]
     np.testing.assert_allclose(left_of_errors(bench.shooting, wet, run, np.full(2, np.nan)), [1.0])
+
+
+def test_a_correction_of_the_likelihood_is_of_other_rows(bench, wet) -> None:
+    run = bench.machine.fit[0]
+    corrected = dataclasses.replace(bench.shooting, offset=np.zeros_like(bench.segments.position))
+    both = [left_of_errors(shooting, wet, run, begin(bench, run)) for shooting in (bench.shooting, corrected)]
+    np.testing.assert_array_equal(*both)

@@ -14,8 +14,9 @@ from torch_activegp.diagnosis.shooting.fit import Fit
 from torch_activegp.diagnosis.shooting.likelihood import Shooting
 
 _ROUNDS = 1
+"""The fit begins where it ends: its information after one round is that of sixty, but for a play that gives way."""
 _LEAST = 0.1
-"""Least part of a standard error that is promised: behind much noise-free motion, what is not modelled decides."""
+"""Least part of a standard error that is promised: of what is known so well, what is not modelled decides."""
 
 
 def left_of_errors(shooting: Shooting, fit: Fit, run: Run, start: Array) -> Array:
@@ -34,7 +35,7 @@ def left_of_errors(shooting: Shooting, fit: Fit, run: Run, start: Array) -> Arra
     more = _information(shooting, fit, run, start)
     before, after = (np.diag(invert(some)) for some in (fit.information, fit.information + more))
     left = np.sqrt(np.divide(after, before, out=np.ones(fit.size), where=before > 0.0))
-    return np.asarray(np.clip(left, _LEAST, 1.0))
+    return np.asarray(np.maximum(left, _LEAST))
 
 
 def _information(shooting: Shooting, fit: Fit, run: Run, start: Array) -> Array:
