@@ -111,7 +111,7 @@ def _by_two(fit: Fit, screened: Screen, atoms: Sequence[Atom], effect: Effect, o
 
     One name with two numbers may stand for two: a spring with a rest stood for gravity that differed, and for what
     friction of two levels does beside one. Neither in its place came near, nor any on top. Each must add something to
-    what the other does, within the bounds of their amplitudes.
+    what the other does.
 
     Args:
         fit: the set without the effect.
@@ -122,12 +122,11 @@ def _by_two(fit: Fit, screened: Screen, atoms: Sequence[Atom], effect: Effect, o
     """
     first = [atom for atom in diverse(atoms, RIVALS) if atom.effect.key != effect.key]
     second = [atom for atom in screened.best()[:_SECOND] if atom.effect.key != effect.key]
-    alone = {id(atom): screened.possible_gain([atom]) for atom in (*first, *second)}
     pairs: list[tuple[float, list[Atom]]] = []
     for a, b in itertools.product(first, second):
         if a.effect.key != b.effect.key and not contains(a.effect, b.effect) and not contains(b.effect, a.effect):
-            gain = screened.possible_gain([a, b])
-            if gain > max(alone[id(a)], alone[id(b)]) + max(_ADDS, _ADDS_PART * own):
+            gain = screened.joint_gain([a, b])
+            if gain > max(a.gain, b.gain) + max(_ADDS, _ADDS_PART * own):
                 pairs.append((gain, [a, b]))
     gain, pair = max(pairs, key=lambda item: item[0], default=(0.0, []))
     return [join(fit, with_values(pair, screened.together(pair)[1]))] if gain > _AS_GOOD * own else []
