@@ -110,8 +110,8 @@ def _by_two(fit: Fit, screened: Screen, atoms: Sequence[Atom], effect: Effect, o
     """The two that together gain most in place of one effect, where that is about as much as the effect gains.
 
     One name with two numbers may stand for two: a spring with a rest stood for gravity that differed, and for what
-    friction of two levels does beside one. Neither in its place came near, nor any on top. Each must add something to
-    what the other does.
+    friction of two levels does beside one. Neither in its place came near, nor any on top. Each must add to what the
+    other does.
 
     Args:
         fit: the set without the effect.
