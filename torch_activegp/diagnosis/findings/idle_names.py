@@ -37,9 +37,7 @@ def without_idle(
     if effect is None:
         return None
     selection, shooting = explanation.selection, explanation.shooting
-    fits = [fit for fit in selection.fits if effect.key not in fit.keys]
-    fewer = dataclasses.replace(selection, fits=fits)
-    fewer.rescale(shooting.dof)
+    fewer = selection.without(effect.key, shooting.dof)
     verdict = decide(shooting, fewer)
     note = (
         f"{effect.name} at {effect.target} would fit these recordings better, but what is left is much more than "

@@ -113,7 +113,8 @@ def least_certain(
         )
 
     fits = [dataclasses.replace(fit, values=split(fit.effects, end)) for end in ends]
-    ends_in_words = [f"{what} {end[place]:.4g}{unit}" for end in ends]
-    if not known:
-        ends_in_words = [f"{where} at {end} end of its intervals" for end in ("one", "the other")]
-    return fits, Telling(ends_in_words, sentence, not enough)
+    if known:
+        separates = [f"{what} {end[place]:.4g}{unit}" for end in ends]
+    else:
+        separates = [f"{where} at {end} end of its intervals" for end in ("one", "the other")]
+    return fits, Telling(separates, sentence, not enough)

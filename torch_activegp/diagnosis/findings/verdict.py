@@ -57,6 +57,5 @@ def decide(shooting: Shooting, selection: Selection) -> Verdict:
             f"{worst.name} at {worst.target} would fit these recordings better, but by chance: fitted to the others, "
             "it makes the forecasts of recordings left out worse. It is not named."
         )
-        fits = [fit for fit in selection.fits if (worst.name, worst.target) not in fit.keys]
-        selection = dataclasses.replace(selection, fits=fits, score=selection.score.without_free())
-        selection.rescale(shooting.dof)
+        selection = selection.without((worst.name, worst.target), shooting.dof)
+        selection.score = selection.score.without_free()

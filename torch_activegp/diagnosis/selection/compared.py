@@ -171,6 +171,12 @@ class Selection:
         left = min(fit.chi2 / max(dof - fit.size, 1) for fit in self.fits if fit.plausible)
         self.score = self.score.seeing(left, self.nominal.chi2, dof)
 
+    def without(self, key: tuple[str, str], dof: int) -> Selection:
+        """The same without the sets that hold a name at a target, by the noise that the others leave."""
+        fewer = dataclasses.replace(self, fits=[fit for fit in self.fits if key not in fit.keys])
+        fewer.rescale(dof)
+        return fewer
+
     def may_become_best(self, fit: Fit, dof: int) -> bool:
         """Whether a set that got stuck could do better than the best one, if it left noise alone."""
         return bool(self.score.free) or self.score.may_beat(fit.effects, self.best.effects, self.best.chi2, dof)
