@@ -103,3 +103,22 @@ def test_slow_errors_of_a_colour_are_louder_than_what_is_new_in_them() -> None:
         seen = lfilter([1.0], [1.0, -first, -second], fresh)
         slow = seen.reshape(-1, 400).mean(axis=1).std() * 20.0  # the mean of so many values, times their root
         assert noise.slow[channel] == pytest.approx(slow, rel=0.06)
+
+
+def test_beside_an_acceleration_columns_and_transpose_are_those_of_the_filter(make_plain_run) -> None:
+    """The first channel has an acceleration, the second one a colour."""
+    recorded = np.random.default_rng(1).random(60) > 0.1
+    segments = cut([make_plain_run(np.zeros(60), recorded)], 0.3, 0.1)
+    model = NoiseModel(np.array([0.5, 2.0]), np.array([(0.0, 0.0), (0.4, 0.1)]), np.array([30.0, 0.0]))
+    columns = np.random.default_rng(0).normal(size=(*segments.counts.shape, 2, 3))
+    white = model.whiten_columns(segments, columns)
+    for number in range(3):
+        np.testing.assert_allclose(white[..., number], model.whiten(segments, columns[..., number]))
+    still = model.of_positions.whiten(segments, columns[..., 0])
+    assert still.reshape(*segments.counts.shape, 2)[..., 1] == pytest.approx(
+        white[..., 0].reshape(*segments.counts.shape, 2)[..., 1]
+    )
+    assert not np.allclose(still, white[..., 0])
+    other = np.random.default_rng(2).normal(size=white.shape[:-1])
+    forth = (white[..., 0] * other).sum()
+    assert (columns[..., 0] * model.unwhiten(segments, other)).sum() == pytest.approx(forth, rel=1e-9)

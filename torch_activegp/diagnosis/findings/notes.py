@@ -41,10 +41,14 @@ def search_notes(explanation: Explanation, model: mujoco.MjModel, corrected: Seq
         model: as it was given, with its own integrator.
         corrected: the effects that the correction holds, none where nothing is named.
     """
-    cut_short = [_CUT_SHORT] if explanation.selection.cut_short else []
-    part = _part_note(explanation.shooting.segments)
-    hidden = _hidden_notes(corrected)
-    return [*_numerics_note(explanation, model), *part, *cut_short, *hidden, *_one_way_notes(explanation.effects)]
+    return [
+        *_numerics_note(explanation, model),
+        *_part_note(explanation.shooting.segments),
+        *([_CUT_SHORT] if explanation.selection.cut_short else []),
+        *_hidden_notes(corrected),
+        *(_process_notes(explanation) if corrected else []),
+        *_one_way_notes(explanation.effects),
+    ]
 
 
 def _hidden_notes(corrected: Sequence[Effect]) -> list[str]:
@@ -54,6 +58,20 @@ def _hidden_notes(corrected: Sequence[Effect]) -> list[str]:
         "joint in the corrected simulator are the motor's, as recorded."
         for effect in corrected
         if isinstance(effect, Backlash) and effect.on_motor
+    ]
+
+
+def _process_notes(explanation: Explanation) -> list[str]:
+    """Joints on which what the names leave was weighed as a white force."""
+    process, channels = explanation.shooting.noise.process, explanation.shooting.engine.channels
+    if process is None:
+        return []
+    return [
+        f"joint:{joint}: what the named effects leave is more than the noise of its positions, though next to nothing "
+        f"of the mismatch. It is weighed as process noise, a random acceleration of {density:.2g} {unit}/s2/sqrt(Hz), "
+        "and counts as noise in all that is said here."
+        for joint, unit, density in zip(channels.joints, channels.units, process, strict=True)
+        if density > 0.0
     ]
 
 

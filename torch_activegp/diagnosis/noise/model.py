@@ -9,6 +9,7 @@ import numpy as np
 
 from torch_activegp.diagnosis.inputs.runs import Array
 from torch_activegp.diagnosis.inputs.segments import Segments
+from torch_activegp.diagnosis.noise.process import Differences
 
 CORRELATED = 0.3
 """Largest correlation of what is new with what was new before: what is more is no filter."""
@@ -19,15 +20,18 @@ _ORDER, _FREQUENCIES = 8, 512
 
 @dataclasses.dataclass(frozen=True)
 class NoiseModel:
-    """Autoregressive noise.
+    """Autoregressive noise, or white noise beside a white acceleration of each joint.
 
     Args:
-        scale: standard deviation of the noise itself, ``(C,)``, rad or m.
-        colour: coefficients of the last two values, ``(C, 2)``; zero for white noise.
+        scale: standard deviation of the noise of positions, ``(C,)``, rad or m.
+        colour: coefficients of the last two values, ``(C, 2)``; zero for white noise, and not looked at beside an
+            acceleration.
+        process: root of the spectral density of that, ``(C,)``, rad/s2 or m/s2 times the root of s; None without any.
     """
 
     scale: Array
     colour: Array
+    process: Array | None = None
 
     @classmethod
     def white(cls, scale: Array) -> NoiseModel:
@@ -46,6 +50,11 @@ class NoiseModel:
         """What is new in slow errors: that of white noise as loud as they are, ``(C,)``."""
         return self.innovation / np.maximum(1.0 - self.colour.sum(axis=1), 1e-6)
 
+    @property
+    def of_positions(self) -> NoiseModel:
+        """The same without an acceleration."""
+        return dataclasses.replace(self, process=None)
+
     def whiten(self, segments: Segments, residual: Array) -> Array:
         """Residuals in units of white noise, zero where they do not count.
 
@@ -56,27 +65,35 @@ class NoiseModel:
         Returns:
             ``(..., S, (K + 1) * C)``.
         """
-        return self._whitened(segments, residual, self.scale, self.colour)
+        white = self._whitened(segments, residual)
+        return white.reshape(*white.shape[:-2], white.shape[-2] * white.shape[-1])
 
     def whiten_columns(self, segments: Segments, columns: Array) -> Array:
         """The same for derivatives by A parameters, ``(S, K + 1, C, A)``: ``(S, (K + 1) * C, A)``; NaN becomes zero."""
         *shape, channels, count = columns.shape
-        each = columns.reshape(*shape, channels * count)
-        scale, colour = np.repeat(self.scale, count), np.repeat(self.colour, count, axis=0)
-        white = self._whitened(segments, each, scale, colour).reshape(shape[0], shape[1] * channels, count)
-        return np.nan_to_num(white, copy=False)
+        each = NoiseModel(
+            np.repeat(self.scale, count),
+            np.repeat(self.colour, count, axis=0),
+            None if self.process is None else np.repeat(self.process, count),
+        )
+        white = each._whitened(segments, columns.reshape(*shape, channels * count))
+        return np.nan_to_num(white.reshape(shape[0], shape[1] * channels, count), copy=False)
 
-    def _whitened(self, segments: Segments, residual: Array, scale: Array, colour: Array) -> Array:
-        """:meth:`whiten` with scale ``(C,)`` and colour ``(C, 2)`` of each channel."""
-        out = residual / scale
-        if colour.any():
-            first, second = colour.T
-            fresh = scale / dataclasses.replace(self, scale=scale, colour=colour).innovation
+    def _whitened(self, segments: Segments, residual: Array) -> Array:
+        """:meth:`whiten`, ``(..., S, K + 1, C)``."""
+        out = residual / self.scale
+        if self.colour.any():
+            first, second = self.colour.T
+            fresh = self.scale / self.innovation
             inner = out[..., 2:, :] - first * out[..., 1:-1, :] - second * out[..., :-2, :]
             usable = (segments.counts[:, 2:] & segments.counts[:, 1:-1] & segments.counts[:, :-2])[..., None]
             out = np.concatenate([out[..., :2, :], np.where(usable, inner * fresh, out[..., 2:, :])], axis=-2)
         out = np.where(segments.counts[..., None], out, 0.0)
-        return out.reshape(*out.shape[:-2], out.shape[-2] * out.shape[-1])
+        if self.process is not None:
+            differences = Differences.of(segments)
+            shaken = differences.whiten(residual, differences.factor(self.scale, self.process))
+            out = np.where(self.process > 0.0, shaken, out)
+        return out
 
     def unwhiten(self, segments: Segments, white: Array) -> Array:
         """The transpose of :meth:`whiten`: from a gradient by whitened residuals to one by residuals.
@@ -96,7 +113,12 @@ class NoiseModel:
             out[:, 2:] = np.where(usable, inner, out[:, 2:])
             out[:, 1:-1] -= first * inner
             out[:, :-2] -= second * inner
-        return np.asarray(out / self.scale)
+        out = out / self.scale
+        if self.process is not None:
+            differences = Differences.of(segments)
+            shaken = differences.unwhiten(white.reshape(out.shape), differences.factor(self.scale, self.process))
+            out = np.where(self.process > 0.0, shaken, out)
+        return np.asarray(out)
 
 
 def colour_scale(poles: tuple[float, float]) -> float:

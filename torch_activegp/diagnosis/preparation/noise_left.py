@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 from typing import NamedTuple
 
 import numpy as np
@@ -117,7 +118,7 @@ def recoloured(shooting: Shooting, fit: Fit) -> NoiseModel:
         slight = 0.0 < poles[0] <= _SLIGHT and poles[1] == 0.0
         if no_louder and slight and left.is_white_behind(poles):
             scale[channel], colour[channel] = np.sqrt(new) / colour_scale(poles), poles
-    return NoiseModel(scale, colour)
+    return dataclasses.replace(noise, scale=scale, colour=colour)
 
 
 def rises(shooting: Shooting, fit: Fit) -> bool:

@@ -18,6 +18,7 @@ from torch_activegp.diagnosis.preparation.late import Sets
 from torch_activegp.diagnosis.preparation.lengths import Lengths, longest
 from torch_activegp.diagnosis.preparation.noise_left import noise_behind, raised
 from torch_activegp.diagnosis.preparation.numerics import Numerics
+from torch_activegp.diagnosis.preparation.process_left import process_behind
 from torch_activegp.diagnosis.preparation.telling import CREEPS
 from torch_activegp.diagnosis.selection.compared import Selection
 from torch_activegp.diagnosis.selection.corrections import correct_alike
@@ -138,16 +139,20 @@ def explain(
             start = _with_noise(machine, numerics, start, first, start.sets, start.free, other, tell)
         tell("naming on all data")
         selection = select_from(start)
-        for number in range(_ANEW):
-            other = noise_behind(start.shooting, selection.best, floor, last=number == _ANEW - 1)
-            if other is None:
-                break
-            floor = raised(floor, other)
-            best, free = selection.best, selection.score.free
-            start = _with_noise(machine, numerics, start, best, besides(leaders(selection), best), free, other, tell)
-            start = dataclasses.replace(start, depth=_once_more(start.depth))
-            selection = select_from(start)
-        return start, selection
+        turn = 1
+        while (
+            turn <= _ANEW and (other := noise_behind(start.shooting, selection.best, floor, turn == _ANEW)) is not None
+        ):
+            floor, turn = raised(floor, other), turn + 1
+            start, selection = behind(start, selection, other)
+        shaken = process_behind(start.shooting, start.nominal, selection.best)
+        return (start, selection) if shaken is None else behind(start, selection, shaken)
+
+    def behind(start: _Start, selection: Selection, noise: NoiseModel) -> tuple[_Start, Selection]:
+        best, free = selection.best, selection.score.free
+        start = _with_noise(machine, numerics, start, best, besides(leaders(selection), best), free, noise, tell)
+        start = dataclasses.replace(start, depth=_once_more(start.depth))
+        return start, select_from(start)
 
     def finish() -> Explanation:
         return _finish(numerics, effects, *keep.once("naming on all data", name), tell)
