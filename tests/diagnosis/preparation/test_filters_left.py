@@ -14,21 +14,21 @@ from torch_activegp.diagnosis.noise.floor import INNER, noise_floor, steep_filte
 from torch_activegp.diagnosis.noise.shelf import LOWEST
 from torch_activegp.diagnosis.preparation import filters_left as module
 from torch_activegp.diagnosis.preparation.filtered_rows import thinned
-from torch_activegp.diagnosis.preparation.filters_left import filters_left, is_smooth, resolution, rounding_behind
+from torch_activegp.diagnosis.preparation.filters_left import filters_left, is_smooth, resolution, white_behind
 from torch_activegp.diagnosis.simulation.candidate import NOMINAL
 from torch_activegp.diagnosis.simulation.engine import Engine
 
 NOISE, RATE, CORNER = 2e-3, 50, 14.0
 
 
-def machine(model, corner: float | None, push: float = 0.0, rows: int = 401, step: float = 0.0):
-    """Runs of the model at 50 Hz, with a push that it does not know, and positions filtered forth and back.
+def machine(model, corner: float | None, push: float = 0.0, rows: int = 401, step: float = 0.0, **behind: float):
+    """Runs of the model at 50 Hz or so, with a push that it does not know, and positions filtered forth and back.
 
-    And rounded to steps.
+    And with white noise behind that, and rounded to steps.
     """
-    found = []
+    found, rate, white = [], behind.get("rate", RATE), behind.get("white", 0.0)
     for seed in range(5):
-        rng, time = np.random.default_rng(seed), np.arange(rows) / RATE
+        rng, time = np.random.default_rng(seed), np.arange(rows) / rate
         control = 2.0 * np.sin(2 * np.pi * rng.uniform(0.3, 1.0, 3) * time[:, None]).sum(axis=1)
         columns = {"time": time, "qpos.hip": 0.1 * time, "ctrl.drive": control + push}
         whole = Recording.from_columns("run", columns)
@@ -36,7 +36,8 @@ def machine(model, corner: float | None, push: float = 0.0, rows: int = 401, ste
         path = Engine(model, channels, 4).predict(cut([run], 1e9, 0.0), np.zeros((1, 1, 2)), [NOMINAL])[0, 0, :, 0]
         seen = path + NOISE * rng.normal(size=rows)
         if corner is not None:
-            seen = signal.filtfilt(*signal.butter(3, corner, fs=RATE), seen)
+            seen = signal.filtfilt(*signal.butter(3, corner, fs=rate), seen)
+        seen = seen + white * rng.normal(size=rows)
         seen = step * np.round(seen / step) if step else seen
         found.append(Recording.from_columns(f"run{seed}", columns | {"qpos.hip": seen, "ctrl.drive": control}))
     return make_machine(model, found, [])
@@ -117,11 +118,23 @@ def test_a_filter_beneath_the_rounding_of_an_encoder_is_seen(model, corner: floa
 
 def test_where_rounding_is_all_that_is_fast_no_filter_is_asked_for(model) -> None:
     made = machine(model, CORNER, step=1.5e-3)
-    assert rounding_behind(made.fit, 0) == pytest.approx(2.0 * 1.5e-3**2 / 12.0)
-    assert rounding_behind(machine(model, CORNER).fit, 0) == 0.0
-    assert rounding_behind(machine(model, None, step=1e-4).fit, 0) == 0.0  # beneath white noise
-    assert rounding_behind(machine(model, CORNER, step=4e-2).fit, 0) == 0.0
-    assert rounding_behind([dataclasses.replace(run, video=True) for run in made.fit], 0) == 0.0
+    assert white_behind(made.fit, 0) == pytest.approx(2.0 * 1.5e-3**2 / 12.0)
+    assert white_behind(machine(model, CORNER).fit, 0) == 0.0
+    assert white_behind(machine(model, None, step=1e-4).fit, 0) == 0.0  # beneath white noise
+    assert white_behind(machine(model, CORNER, step=4e-2).fit, 0) == 0.0
+    assert white_behind([dataclasses.replace(run, video=True) for run in made.fit], 0) == 0.0
+
+
+@pytest.mark.parametrize(("white", "seen"), [(1e-4, True), (4e-4, False)])
+def test_a_filter_beneath_white_noise_that_is_far_quieter_is_seen(model, white: float, seen: bool) -> None:
+    made = machine(model, CORNER, rows=801, rate=125, white=white)
+    assert not is_smooth(made.fit, 0)
+    assert (white_behind(made.fit, 0) == pytest.approx(2.0 * white**2, rel=0.3)) is seen
+    (found,) = filters_left(made, 1)
+    assert (found is not None) is seen
+    if found is not None:
+        assert found.corner == pytest.approx(CORNER / 125, rel=0.15)
+        assert found.scale == pytest.approx(NOISE * np.sqrt(2.0 * CORNER / 125), rel=0.2)
 
 
 def encoder() -> np.ndarray:
@@ -150,5 +163,5 @@ def test_glitches_and_runs_at_rest_hide_no_rounding(model) -> None:
     position[50] += 0.4e-3
     runs = [dataclasses.replace(first, position=position, left_out=lost), *others]
     runs.append(dataclasses.replace(first, position=np.full_like(first.position, 0.3)))
-    assert rounding_behind(runs, 0) > 0.0
-    assert rounding_behind([dataclasses.replace(first, position=position), *others], 0) == 0.0  # off the grid
+    assert white_behind(runs, 0) > 0.0
+    assert white_behind([dataclasses.replace(first, position=position), *others], 0) == 0.0  # off the grid

@@ -23,9 +23,9 @@ _ORDERS, _SMOOTH = np.array([4, 8]), 1.5
 times less in white noise and behind one pole."""
 _DEEPEST = 2.5
 """Decades below the level of the noise that segments as short as these tell."""
-_MOSTLY_ROUNDING, _LOUDER, _JUST_ABOVE, _WINDOW = 0.5, 4.0, 1.5, 256
-"""Part of the variance that differences see which rounding must be; times that by which a spectrum of so many rows must
-be louder from the lowest corner up to so many times that."""
+_MOSTLY_ROUNDING, _LOUDER, _FAR_LOUDER, _JUST_ABOVE, _WINDOW = 0.5, 4.0, 100.0, 1.5, 256
+"""Part of the variance that differences see which rounding must be; times that, or other white noise, by which a
+spectrum of so many rows must be louder from the lowest corner up to so many times that."""
 _SAME_VALUE, _OFF_GRID = 1e-9, 0.05
 """Part of the range below which two values are the same, and of a step by which they may be off a grid, for they were
 written with so many digits."""
@@ -54,8 +54,8 @@ def filters_left(machine: Machine, nthread: int = 0) -> list[SteepFilter | None]
         nthread: threads of the simulations; 0 for all cores.
     """
     channels = range(len(machine.channels.joints))
-    rounded = [rounding_behind(machine.fit, channel) for channel in channels]
-    asked = [channel for channel in channels if rounded[channel] > 0.0 or is_smooth(machine.fit, channel)]
+    white = [white_behind(machine.fit, channel) for channel in channels]
+    asked = [channel for channel in channels if white[channel] > 0.0 or is_smooth(machine.fit, channel)]
     found: list[SteepFilter | None] = [None for _ in channels]
     if not asked:
         return found
@@ -69,7 +69,7 @@ def filters_left(machine: Machine, nthread: int = 0) -> list[SteepFilter | None]
     frequency, lowest = np.asarray(np.fft.rfftfreq(rows), dtype=np.float64)[INNER], LOWEST * median_step(machine.fit)
     for channel in asked:
         rest, motion = (_spectra([some[*piece, channel] for piece in whole]) for some in (left, predicted))
-        found[channel] = _filter(rest, motion, frequency, lowest, rounded[channel])
+        found[channel] = _filter(rest, motion, frequency, lowest, white[channel])
     return found
 
 
@@ -85,27 +85,30 @@ def is_smooth(runs: Sequence[Run], channel: int) -> bool:
     return bool(lower > _SMOOTH * higher > 0.0) and noise_from_periods(runs, channel) is None
 
 
-def rounding_behind(runs: Sequence[Run], channel: int) -> float:
-    """Density, at unit sampling rate, of the rounding behind which a filter may be hidden; 0 where none is.
+def white_behind(runs: Sequence[Run], channel: int) -> float:
+    """Density, at unit sampling rate, of white noise that came behind a filter, if one may be hidden; 0 where not.
 
     Positions that were filtered before a coarse encoder rounded them have the white noise of that in all their
     differences, and a level one beneath, of 0.94 mrad up to 25 Hz behind steps of 0.77: a simulator without any fault
-    left 16 times the noise. Not asked where all that is quicker than the lowest corner is rounding, of videos, and of
-    uneven clocks.
+    left 16 times the noise. White noise of another origin hides one as well, if it is far quieter: 0.03 mm behind
+    0.3 mm up to 15 Hz, of which such a simulator left 86 times the noise. Not asked of videos, of uneven clocks, of
+    what is smooth without rounding, and where what is as quick as the lowest corner is not so much louder.
     """
     if any(run.video or uneven(run) for run in runs):
         return 0.0
     moves = [values for run in runs if np.ptp(values := run.position[run.counted, channel]) > 0.0]
     step = min((resolution(values) for values in moves), default=0.0)
-    density, step_of_rows = 2.0 * step**2 / 12.0, median_step(runs)
+    rounding, step_of_rows = 2.0 * step**2 / 12.0, median_step(runs)
     white = 2.0 * float(np.median([run.noise[channel] ** 2 for run in runs]))
-    if not _MOSTLY_ROUNDING * white < density:
+    rounded = _MOSTLY_ROUNDING * white < rounding
+    if not rounded and is_smooth(runs, channel):
         return 0.0
+    density, louder = (rounding, _LOUDER) if rounded else (white, _FAR_LOUDER)
     rows = min(_WINDOW, min(map(len, runs)))
     frequency = np.asarray(np.fft.rfftfreq(rows), dtype=np.float64)[INNER]
     power = np.median(np.abs(_spectra([run.position[:rows, channel] for run in runs])) ** 2, axis=0)
     band = (frequency > LOWEST * step_of_rows) & (frequency < _JUST_ABOVE * LOWEST * step_of_rows)
-    return density if band.any() and np.median(power[band]) > _LOUDER * density else 0.0
+    return density if band.any() and np.median(power[band]) > louder * density else 0.0
 
 
 def resolution(values: Array) -> float:
