@@ -9,7 +9,7 @@ import pytest
 
 from tests.diagnosis.conftest import INERTIA, RATE, XML, Bench, assemble
 from torch_activegp.data import Recording
-from torch_activegp.diagnosis.preparation.process_left import process_behind
+from torch_activegp.diagnosis.preparation.process_left import by_positions, process_behind
 from torch_activegp.diagnosis.shooting.fit import Fit
 
 DAMPING, NOISE, SUBSTEPS = 0.6, 2e-5, 5
@@ -52,6 +52,9 @@ def test_what_right_names_leave_is_process_noise_and_their_parameters_are_judged
     again = dataclasses.replace(bench.shooting, noise=found)
     told = again.fit([(fit.effects, fit.values)], fit.starts)[0]
     assert told.chi2 == pytest.approx(again.dof, rel=0.15)
+    assert by_positions(again, told)[1].chi2 == pytest.approx(fit.chi2, rel=0.1)
+    assert by_positions(again, told)[0].noise.process is None
+    assert by_positions(bench.shooting, fit) == (bench.shooting, fit)
     off = [float(f.values[0][0]) - DAMPING for f in (told, fit)]
     error = [1.0 / np.sqrt(float(f.information[0, 0])) for f in (told, fit)]
     assert abs(off[0]) < 2.5 * error[0] < 0.1 * DAMPING

@@ -37,7 +37,7 @@ class Beginnings:
 
     Args:
         engine: simulates.
-        noise: whitens.
+        noise: whitens, without an acceleration: all of a free run is to tell where it began.
         candidates: N models.
         interval: between rows, s.
         first: number of the form that is tried first, by candidate.
@@ -51,7 +51,12 @@ class Beginnings:
         interval: float,
         first: NDArray[np.int64] | None = None,
     ) -> None:
-        self.engine, self.noise, self.candidates, self._interval = engine, noise, list(candidates), interval
+        self.engine, self.noise, self.candidates, self._interval = (
+            engine,
+            noise.of_positions,
+            list(candidates),
+            interval,
+        )
         longer = [engine.in_longer_steps(seconds, interval) for seconds in _ROUGHLY]
         self._forms = list({form.substeps: form for form in (*longer, engine)}.values())  # of the same the last: itself
         self._compared = [form.substeps for form in self._forms].index(longer[-1].substeps)

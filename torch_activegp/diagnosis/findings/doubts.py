@@ -6,6 +6,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from torch_activegp.diagnosis.preparation.process_left import by_positions
 from torch_activegp.diagnosis.preparation.rivals import beside
 from torch_activegp.diagnosis.shooting.fit import Fit
 from torch_activegp.diagnosis.shooting.likelihood import Shooting
@@ -32,6 +33,7 @@ def reservation(shooting: Shooting, fit: Fit, doubts: Sequence[str]) -> str | No
         fit: the effects that are named.
         doubts: of the recordings, in sentences.
     """
+    shooting, fit = by_positions(shooting, fit)
     left = fit.chi2 / shooting.dof
     if left < MUCH_LEFT:
         return None

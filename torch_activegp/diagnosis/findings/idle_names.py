@@ -9,6 +9,7 @@ from typing import Any
 from torch_activegp.diagnosis.findings.forecast import compare
 from torch_activegp.diagnosis.findings.verdict import Verdict, decide
 from torch_activegp.diagnosis.inputs.runs import Run
+from torch_activegp.diagnosis.preparation.process_left import by_positions
 from torch_activegp.diagnosis.selection.adequacy import LOUD
 from torch_activegp.diagnosis.selection.explain import Explanation
 from torch_activegp.diagnosis.shooting.fit import Fit
@@ -49,7 +50,7 @@ def without_idle(
 def _idle(explanation: Explanation, chosen: Fit, holdout: Mapping[str, Any], runs: Sequence[Run]) -> Effect | None:
     """The name without which the least is lost, of those without which forecasts of both kinds are as good."""
     shooting, selection = explanation.shooting, explanation.selection
-    if chosen.chi2 < LOUD * shooting.dof or len(chosen.effects) < 2:
+    if len(chosen.effects) < 2 or by_positions(shooting, chosen)[1].chi2 < LOUD * shooting.dof:
         return None
     rests = {e: selection.of([other for other in chosen.effects if other is not e]) for e in chosen.effects}
     known = {str(number): (e, fit) for number, (e, fit) in enumerate(rests.items()) if fit is not None}

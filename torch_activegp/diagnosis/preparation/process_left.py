@@ -15,6 +15,7 @@ _LOUD = 5.0
 """Times the noise of positions that names leave at least: simulated machines never left so much behind right names."""
 _NEARLY_ALL = 0.01
 """Part of the mismatch that they leave at most: what leaves more may be physics that is not on the list."""
+_ROUNDS = 20
 _ANEW, _CLOSE = 5, 0.1
 """How often it is told anew at most, for names fitted by the noise of positions leave more than they must; and the part
 by which it changes no more then."""
@@ -47,6 +48,14 @@ def process_behind(shooting: Shooting, nominal: Fit, best: Fit) -> NoiseModel | 
         again = dataclasses.replace(shooting, noise=noise)
         fit = again.fit([(fit.effects, fit.values)], fit.starts)[0]
     return noise
+
+
+def by_positions(shooting: Shooting, fit: Fit) -> tuple[Shooting, Fit]:
+    """A likelihood and a fit by the noise of positions alone, with initial states of its own."""
+    if shooting.noise.process is None:
+        return shooting, fit
+    alone = dataclasses.replace(shooting, noise=shooting.noise.of_positions)
+    return alone, alone.fit([(fit.effects, fit.values)], fit.starts, _ROUNDS, hold=True)[0]
 
 
 def _alike(one: NoiseModel, other: NoiseModel) -> bool:
