@@ -9,6 +9,7 @@ import pytest
 
 from tests.diagnosis.conftest import INERTIA, RATE, XML, Bench, assemble
 from torch_activegp.data import Recording
+from torch_activegp.diagnosis.preparation import process_left as module
 from torch_activegp.diagnosis.preparation.process_left import by_positions, process_behind
 from torch_activegp.diagnosis.shooting.fit import Fit
 
@@ -61,7 +62,7 @@ def test_what_right_names_leave_is_process_noise_and_their_parameters_are_judged
     assert abs(off[1]) > 5.0 * error[1]  # as noise of positions it makes parameters seem far surer than they are
 
 
-def test_little_left_or_much_of_the_mismatch_is_no_process_noise() -> None:
+def test_little_left_or_much_of_the_mismatch_or_of_the_forces_is_no_process_noise(monkeypatch) -> None:
     bench, fit = shaken(0.0)
     assert process_behind(bench.shooting, bench.nominal, fit) is None  # noise alone
     bench, fit = shaken(0.03)
@@ -70,3 +71,5 @@ def test_little_left_or_much_of_the_mismatch_is_no_process_noise() -> None:
     assert process_behind(bench.shooting, bench.nominal, loud) is None  # physics, maybe
     gone = dataclasses.replace(fit, starts=fit.starts * np.nan)
     assert process_behind(bench.shooting, bench.nominal, gone) is None
+    monkeypatch.setattr(module, "_STILL_TOLD", 1e6)
+    assert process_behind(bench.shooting, bench.nominal, fit) is None  # the nominal leaves little more, as a force
