@@ -22,6 +22,13 @@ from torch_activegp.errors import DataError
         ("qfrc", "mN m", 3, 0.003),
         ("ctrl", "%", 50, 0.5),
         ("ctrl", "mA", 20, 0.02),
+        ("qpos", "rev", 2, 4 * math.pi),
+        ("qpos", "degrees", 90, math.pi / 2),
+        ("qvel", "revolutions/second", 1, 2 * math.pi),
+        ("qvel", "rev/min", 60, 2 * math.pi),
+        ("qvel", "deg/sec", 180, math.pi),
+        ("qfrc", "Nm", 2, 2.0),
+        ("time", "µs", 5, 5e-6),
     ],
 )
 def test_a_value_in_si(kind: str, unit: str, value: float, si: float) -> None:
@@ -36,7 +43,8 @@ def test_a_full_turn_of_counts_is_two_pi(kind: str, unit: str) -> None:
 @pytest.mark.parametrize(
     ("arguments", "message"),
     [
-        (("qpos", "degrees"), "unit `degrees` is not a unit of qpos: use one of rad,.*counts"),
+        (("qpos", "degs"), "unit `degs` is not a unit of qpos: use one of rad,.*counts"),
+        (("qvel", "degrees"), "unit `degrees` is not a unit of qvel"),
         (("time", "deg"), "not a unit of time: use one of s, ms"),
         (("ctrl", "counts"), "not a unit of ctrl"),
         (("qpos", "counts"), "needs `counts_per_turn` > 0, found None"),

@@ -23,6 +23,20 @@ _FORCE = {"N": 1.0, "kN": 1e3, "mN": 1e-3, "N m": 1.0, "mN m": 1e-3}
 _CONTROL = _FORCE | _POSITION | _VELOCITY | {"V": 1.0, "mV": 1e-3, "A": 1.0, "mA": 1e-3, "1": 1.0, "%": 1e-2}
 _COUNTS = {"qpos": "counts", "qvel": "counts/s"}
 
+_SPELLINGS = {
+    "turn": ("turns", "rev", "revs", "revolution", "revolutions"),
+    "deg": ("degree", "degrees", "°"),
+    "rad": ("radian", "radians"),
+    "m": ("meter", "meters", "metre", "metres"),
+    "um": ("µm", "μm"),
+    "s": ("sec", "second", "seconds"),
+    "us": ("µs", "μs"),
+    "rpm": ("RPM", "rev/min"),
+    "N m": ("Nm", "N*m", "N.m", "N·m"),
+    "mN m": ("mNm", "mN*m", "mN.m", "mN·m"),
+}
+_SPELT = {other: unit for unit, others in _SPELLINGS.items() for other in others}
+
 UNITS = {"time": _TIME, "qpos": _POSITION, "qvel": _VELOCITY, "qfrc": _FORCE, "ctrl": _CONTROL}
 """Factor to SI of each unit, by kind of column."""
 
@@ -32,8 +46,8 @@ def unit_factor(kind: str, unit: str, counts_per_turn: float | None = None) -> f
 
     Args:
         kind: ``time``, ``qpos``, ``qvel``, ``ctrl`` or ``qfrc``.
-        unit: a unit of that kind, such as ``"deg"`` or ``"rpm"``; ``"counts"`` (``qpos``) and ``"counts/s"`` (``qvel``)
-            are encoder steps.
+        unit: a unit of that kind, such as ``"deg"`` or ``"rpm"``, or another usual spelling of it (``"degrees"``,
+            ``"rev/s"``, ``"Nm"``); ``"counts"`` (``qpos``) and ``"counts/s"`` (``qvel``) are encoder steps.
         counts_per_turn: encoder steps in one turn; needed for counts and for nothing else.
 
     Raises:
@@ -48,7 +62,8 @@ def unit_factor(kind: str, unit: str, counts_per_turn: float | None = None) -> f
         return _TURN / counts_per_turn
     if counts_per_turn is not None:
         raise DataError(f"`counts_per_turn` goes with counts, found unit `{unit}`: drop it or use unit `counts`.")
-    if unit not in UNITS[kind]:
+    usual = _SPELT.get(unit) or "/".join(_SPELT.get(part, part) for part in unit.split("/"))
+    if usual not in UNITS[kind]:
         known = [*UNITS[kind], *([_COUNTS[kind]] if kind in _COUNTS else [])]
         raise DataError(f"unit `{unit}` is not a unit of {kind}: use one of {', '.join(known)}, or give a `scale`.")
-    return UNITS[kind][unit]
+    return UNITS[kind][usual]
