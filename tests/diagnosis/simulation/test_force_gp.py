@@ -94,3 +94,38 @@ class Exact(gpytorch.models.ExactGP):
 
     def forward(self, x: torch.Tensor) -> gpytorch.distributions.MultivariateNormal:
         return gpytorch.distributions.MultivariateNormal(self.mean(x), self.kernel(x))
+
+
+@pytest.mark.parametrize("share", [0.0, 1.0])
+def test_what_is_no_function_of_the_inputs_is_not_learned(channels: Channels, share: float) -> None:
+    """A force of 2 N m in each bin, of any sign, that is measured to 0.05; beside a function of them, or without."""
+    rng = np.random.default_rng(0)
+    bins = make_bins(rng, segments=30)
+    function = share * 2 * np.sin(3 * bins.inputs[..., 0])
+    force = function + 2 * rng.normal(size=function.shape)
+    learned = ForceGP.on(dataclasses.replace(bins, gradient=force[:, None] / NOISE**2), channels)
+    noise = np.sqrt(learned.likelihood.noise.item()) * learned.unit[0]
+    assert noise == pytest.approx(2.0, rel=0.2)
+    effect = learned.posterior(dataclasses.replace(bins, gradient=force[:, None] / NOISE**2))
+    asked = np.random.default_rng(1).uniform(-0.9, 0.9, (200, 3))
+    error = effect.force(asked)[:, 0] - share * 2 * np.sin(3 * asked[:, 0])
+    assert np.sqrt(np.mean(error**2)) < 0.7
+
+
+def test_equations_beside_a_force_of_each_bin_are_those_of_their_covariance(bins: Bins) -> None:
+    """What is measured, with the noise of each measurement and that force, against the dense Gaussian."""
+    variance, unit = torch.tensor([0.3], dtype=torch.float64), np.array([2.0])
+    normal, gradient, evidence = bins.shaken(variance, unit)
+    n, g = torch.from_numpy(bins.normal[:, 0, :, 0]) * 4.0, torch.from_numpy(bins.gradient[:, 0]) * 2.0
+    covariance = torch.linalg.inv(n)
+    whole = covariance + 0.3 * torch.eye(n.shape[-1], dtype=torch.float64)
+    measured = (covariance @ g[..., None])[..., 0]
+    torch.testing.assert_close(normal[:, 0, :, 0], torch.linalg.inv(whole))
+    torch.testing.assert_close(gradient[:, 0], torch.linalg.solve(whole, measured))
+    alone, beside = (
+        torch.distributions.MultivariateNormal(torch.zeros(n.shape[-1], dtype=torch.float64), c)
+        .log_prob(measured)
+        .sum()
+        for c in (covariance, whole)
+    )
+    torch.testing.assert_close(evidence, beside - alone)
