@@ -25,7 +25,9 @@ from torch_activegp.errors import DataError
         ("qpos", "rev", 2, 4 * math.pi),
         ("qpos", "degrees", 90, math.pi / 2),
         ("qvel", "revolutions/second", 1, 2 * math.pi),
-        ("qvel", "rev/min", 60, 2 * math.pi),
+        ("qvel", "revs / minute", 60, 2 * math.pi),
+        ("qvel", "RPM", 60, 2 * math.pi),
+        ("time", "milliseconds", 5, 5e-3),
         ("qvel", "deg/sec", 180, math.pi),
         ("qfrc", "Nm", 2, 2.0),
         ("time", "µs", 5, 5e-6),
@@ -35,7 +37,9 @@ def test_a_value_in_si(kind: str, unit: str, value: float, si: float) -> None:
     assert value * unit_factor(kind, unit) == pytest.approx(si, rel=1e-12)
 
 
-@pytest.mark.parametrize(("kind", "unit"), [("qpos", "counts"), ("qvel", "counts/s")])
+@pytest.mark.parametrize(
+    ("kind", "unit"), [("qpos", "counts"), ("qpos", "count"), ("qvel", "counts/s"), ("qvel", "ticks/sec")]
+)
 def test_a_full_turn_of_counts_is_two_pi(kind: str, unit: str) -> None:
     assert 4096 * unit_factor(kind, unit, counts_per_turn=4096) == pytest.approx(2 * math.pi)
 

@@ -28,14 +28,18 @@ _SPELLINGS = {
     "deg": ("degree", "degrees", "°"),
     "rad": ("radian", "radians"),
     "m": ("meter", "meters", "metre", "metres"),
+    "mm": ("millimeter", "millimeters", "millimetre", "millimetres"),
     "um": ("µm", "μm"),
     "s": ("sec", "second", "seconds"),
+    "ms": ("millisecond", "milliseconds"),
     "us": ("µs", "μs"),
-    "rpm": ("RPM", "rev/min"),
+    "min": ("minute", "minutes"),
     "N m": ("Nm", "N*m", "N.m", "N·m"),
     "mN m": ("mNm", "mN*m", "mN.m", "mN·m"),
+    "counts": ("count", "ticks"),
 }
 _SPELT = {other: unit for unit, others in _SPELLINGS.items() for other in others}
+_PER_MINUTE = {"turn/min": "rpm", "RPM": "rpm"}
 
 UNITS = {"time": _TIME, "qpos": _POSITION, "qvel": _VELOCITY, "qfrc": _FORCE, "ctrl": _CONTROL}
 """Factor to SI of each unit, by kind of column."""
@@ -56,13 +60,14 @@ def unit_factor(kind: str, unit: str, counts_per_turn: float | None = None) -> f
     >>> round(unit_factor("qvel", "rpm"), 4)
     0.1047
     """
-    if unit == _COUNTS.get(kind):
+    usual = "/".join(_SPELT.get(part.strip(), part.strip()) for part in unit.split("/"))
+    usual = _PER_MINUTE.get(usual, usual)
+    if usual == _COUNTS.get(kind):
         if counts_per_turn is None or not counts_per_turn > 0:
             raise DataError(f"unit `{unit}` needs `counts_per_turn` > 0, found {counts_per_turn}: add it to the table.")
         return _TURN / counts_per_turn
     if counts_per_turn is not None:
         raise DataError(f"`counts_per_turn` goes with counts, found unit `{unit}`: drop it or use unit `counts`.")
-    usual = _SPELT.get(unit) or "/".join(_SPELT.get(part, part) for part in unit.split("/"))
     if usual not in UNITS[kind]:
         known = [*UNITS[kind], *([_COUNTS[kind]] if kind in _COUNTS else [])]
         raise DataError(f"unit `{unit}` is not a unit of {kind}: use one of {', '.join(known)}, or give a `scale`.")

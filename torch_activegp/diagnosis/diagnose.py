@@ -30,7 +30,6 @@ from torch_activegp.diagnosis.inputs.runs import Array, input_addresses, median_
 from torch_activegp.diagnosis.inputs.source import Source, read_source
 from torch_activegp.diagnosis.preparation.filtered_rows import thinned
 from torch_activegp.diagnosis.preparation.missing_rows import as_the_machine_moved
-from torch_activegp.diagnosis.preparation.process_left import by_positions
 from torch_activegp.diagnosis.result import Diagnosis, NamedEffect
 from torch_activegp.diagnosis.selection.explain import Explanation, explain
 from torch_activegp.diagnosis.selection.judge import Judgement
@@ -178,7 +177,7 @@ def _report(
         "mismatch": {
             "detected": judgement.verdict != "none",
             "p_value": judgement.p_value,
-            "chi2_per_dof": by_positions(shooting, nominal)[1].chi2 / shooting.dof,
+            "chi2_per_dof": nominal.chi2 / shooting.dof,
             "noise": {
                 f"qpos.{joint}": float(scale)
                 for joint, scale in zip(machine.channels.joints, shooting.noise.scale, strict=True)
@@ -188,7 +187,7 @@ def _report(
         "unexplained": {
             "share": judgement.unexplained,
             "white": judgement.white,
-            "chi2_per_dof": by_positions(shooting, chosen)[1].chi2 / max(shooting.dof - chosen.size, 1),
+            "chi2_per_dof": chosen.chi2 / max(shooting.dof - chosen.size, 1),
         },
         "fit": {"holdout": holdout},
         "next_experiment": None if proposal is None else proposal[0],

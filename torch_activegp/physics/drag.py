@@ -119,7 +119,7 @@ class AsymmetricFriction(JointEffect):
 
 
 def directions_differ(values: Array) -> bool:
-    """Whether a friction is another one in each direction, by a tenth or more.
+    """Whether what is added to a friction is another one in each direction, by a tenth or more, or nothing at all.
 
     What differs less is one law. On a machine that strikes, contacts by other numerics made 0.234 and 0.225 N s/m of
     0.231, and that gained 107 in chi2.

@@ -66,13 +66,18 @@ def test_an_encoder_that_turns_out_to_sit_on_the_motor_is_told(bench) -> None:
 
 
 @pytest.mark.parametrize("density", [0.0, 0.3])
-def test_a_rest_that_counts_as_process_noise_is_told_where_something_is_named(bench, density: float) -> None:
+@pytest.mark.parametrize("named", [True, False])
+def test_a_rest_that_counts_as_process_noise_is_told(bench, density: float, named: bool) -> None:
+    """In units of the noise of positions, of the model that is given."""
+    fit = bench.fit("viscous_friction", 0.1)
     noise = dataclasses.replace(bench.shooting.noise, process=np.array([density]))
-    selection = Selection(bench.nominal, [bench.nominal], Score(bench.shooting.samples, 5, 1.0))
+    selection = Selection(bench.nominal, [bench.nominal, fit], Score(bench.shooting.samples, 5, 1.0))
     shooting = dataclasses.replace(bench.shooting, noise=noise)
     found = Explanation(bench.engine, shooting, selection, tuple(bench.effects), False)
-    notes = search_notes(found, bench.machine.model, (bench.effect("viscous_friction"),))
+    notes = search_notes(found, bench.machine.model, fit.effects if named else ())
     told = [note for note in notes if "process noise" in note]
     assert len(told) == (density > 0.0)
-    assert all(note.startswith("joint:hip") and "0.3 rad/s2/sqrt(Hz)" in note for note in told)
-    assert not any("process noise" in note for note in search_notes(found, bench.machine.model, ()))
+    left = (fit if named else bench.nominal).chi2 / bench.shooting.dof
+    for note in told:
+        assert note.startswith("joint:hip") and "0.3 rad/s2/sqrt(Hz)" in note
+        assert float(note.split(" leaves ")[1].split()[0]) == pytest.approx(left, rel=0.02)

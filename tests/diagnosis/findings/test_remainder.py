@@ -13,7 +13,7 @@ import torch
 
 from torch_activegp.diagnosis import Diagnosis, evaluate, load_corrected
 from torch_activegp.diagnosis.findings.forecast import compare
-from torch_activegp.diagnosis.findings.remainder import model_remainder
+from torch_activegp.diagnosis.findings.remainder import helps, model_remainder
 from torch_activegp.diagnosis.inputs.segments import halve
 
 NAMES = ("qpos.hip", "qvel.hip", "ctrl.drive")
@@ -83,3 +83,18 @@ def test_a_right_model_has_no_remainder(diagnosed: Callable[[str], Diagnosis]) -
     assert diagnosis.details["remainder"] is None
     assert diagnosis.learned is None
     assert "learned.pt" not in diagnosis.files
+
+
+@pytest.mark.parametrize(
+    ("after", "learned", "used"),
+    [
+        (2000.0, 1940.0, True),
+        (2000.0, 1960.0, False),  # less than a twentieth of what is beyond noise
+        (1100.0, 1092.0, False),  # what chance takes
+        (np.inf, 1500.0, True),
+        (1500.0, np.inf, False),
+        (np.inf, np.inf, False),
+    ],
+)
+def test_it_must_take_a_part_of_what_is_beyond_noise(after: float, learned: float, used: bool) -> None:
+    assert helps(after, learned, 1000) is used

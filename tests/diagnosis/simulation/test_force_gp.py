@@ -115,7 +115,7 @@ def test_what_is_no_function_of_the_inputs_is_not_learned(channels: Channels, sh
 def test_equations_beside_a_force_of_each_bin_are_those_of_their_covariance(bins: Bins) -> None:
     """What is measured, with the noise of each measurement and that force, against the dense Gaussian."""
     variance, unit = torch.tensor([0.3], dtype=torch.float64), np.array([2.0])
-    normal, gradient, evidence = bins.shaken(variance, unit)
+    normal, gradient, evidence = bins.beside_own_forces(variance, unit)
     n, g = torch.from_numpy(bins.normal[:, 0, :, 0]) * 4.0, torch.from_numpy(bins.gradient[:, 0]) * 2.0
     covariance = torch.linalg.inv(n)
     whole = covariance + 0.3 * torch.eye(n.shape[-1], dtype=torch.float64)

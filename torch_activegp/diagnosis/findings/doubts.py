@@ -6,8 +6,8 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from torch_activegp.diagnosis.preparation.process_left import by_positions
 from torch_activegp.diagnosis.preparation.rivals import beside
+from torch_activegp.diagnosis.selection.process_left import by_positions
 from torch_activegp.diagnosis.shooting.fit import Fit
 from torch_activegp.diagnosis.shooting.likelihood import Shooting
 

@@ -213,7 +213,8 @@ def _apart(
     one, other = predicted
     beyond = np.maximum(predicted - reach[1], reach[0] - predicted)
     away = np.maximum(np.nan_to_num(beyond, nan=np.inf).max(axis=(0, 2)), 0.0)
-    return np.nan_to_num((((one - other) / noise.scale) ** 2).sum(axis=(1, 2)), posinf=0.0), away
+    white = (one - other) / noise.scale if noise.process is None else noise.whiten(segments, one - other)
+    return np.nan_to_num((white.reshape(segments.size, -1) ** 2).sum(axis=1), posinf=0.0), away
 
 
 def _reach(engine: Engine, runs: tuple[Run, ...]) -> Array:

@@ -89,7 +89,7 @@ def free_run(
     """
     whole = whole_runs(runs)
     begin = Beginnings(engine, noise, candidates, median_step(runs))
-    shooting = Shooting(engine, whole, noise)
+    shooting = Shooting(engine, whole, begin.noise)
     starts, paths = _followed(begin, whole, [_FIRST])
     chi2 = left_by(shooting, paths)
     lost = np.flatnonzero((chi2 > _LOST * whole.samples).any(axis=1))

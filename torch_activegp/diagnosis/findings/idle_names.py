@@ -9,9 +9,9 @@ from typing import Any
 from torch_activegp.diagnosis.findings.forecast import compare
 from torch_activegp.diagnosis.findings.verdict import Verdict, decide
 from torch_activegp.diagnosis.inputs.runs import Run
-from torch_activegp.diagnosis.preparation.process_left import by_positions
 from torch_activegp.diagnosis.selection.adequacy import LOUD
 from torch_activegp.diagnosis.selection.explain import Explanation
+from torch_activegp.diagnosis.selection.process_left import by_positions
 from torch_activegp.diagnosis.shooting.fit import Fit
 from torch_activegp.physics.effect import Effect
 

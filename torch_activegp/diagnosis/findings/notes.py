@@ -10,6 +10,7 @@ import numpy as np
 from torch_activegp.diagnosis.inputs.runs import median_step
 from torch_activegp.diagnosis.inputs.segments import Segments
 from torch_activegp.diagnosis.selection.explain import Explanation
+from torch_activegp.diagnosis.selection.process_left import by_positions
 from torch_activegp.diagnosis.selection.search import Depth
 from torch_activegp.diagnosis.simulation.blackbox_engine import BlackBoxEngine
 from torch_activegp.physics.backlash import Backlash
@@ -46,7 +47,7 @@ def search_notes(explanation: Explanation, model: mujoco.MjModel, corrected: Seq
         *_part_note(explanation.shooting.segments),
         *([_CUT_SHORT] if explanation.selection.cut_short else []),
         *_hidden_notes(corrected),
-        *(_process_notes(explanation) if corrected else []),
+        *_process_notes(explanation, corrected),
         *_one_way_notes(explanation.effects),
     ]
 
@@ -61,16 +62,20 @@ def _hidden_notes(corrected: Sequence[Effect]) -> list[str]:
     ]
 
 
-def _process_notes(explanation: Explanation) -> list[str]:
-    """Joints on which what the names leave was weighed as a white force."""
-    process, channels = explanation.shooting.noise.process, explanation.shooting.engine.channels
-    if process is None:
+def _process_notes(explanation: Explanation, corrected: Sequence[Effect]) -> list[str]:
+    """Joints on which what the names leave was weighed as a random acceleration."""
+    shooting, selection = explanation.shooting, explanation.selection
+    if shooting.noise.process is None:
         return []
+    known = next((fit for fit in selection.ranked() if set(fit.effects) == set(corrected)), selection.nominal)
+    alone, fit = by_positions(shooting, known)
+    channels = shooting.engine.channels
     return [
-        f"joint:{joint}: what the named effects leave is more than the noise of its positions, though next to nothing "
-        f"of the mismatch. It is weighed as process noise, a random acceleration of {density:.2g} {unit}/s2/sqrt(Hz), "
-        "and counts as noise in all that is said here."
-        for joint, unit, density in zip(channels.joints, channels.units, process, strict=True)
+        f"joint:{joint}: what any effects leave is more than the noise of its positions, though next to nothing of the "
+        f"mismatch. It is weighed as process noise, a random acceleration of {density:.2g} {unit}/s2/sqrt(Hz), and "
+        "counts as noise in all that is said here. By the noise of positions alone the model that is given here leaves "
+        f"{fit.chi2 / alone.dof:.3g} times the noise (chi2 per dof)."
+        for joint, unit, density in zip(channels.joints, channels.units, shooting.noise.process, strict=True)
         if density > 0.0
     ]
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import math
 from collections.abc import Sequence
 from typing import Any
 
@@ -57,7 +58,8 @@ def model_remainder(shooting: Shooting, fit: Fit, names: Sequence[str]) -> Outco
         names: of the D inputs.
 
     Returns:
-        The force, if it clearly lowers the chi2 of segments that it is not conditioned on, each fifth of them in turn
+        The force, if it clearly lowers the chi2 of segments that it is not conditioned on (by a twentieth of what is
+        beyond noise), each fifth of them in turn
         (only the hyper-parameters have seen all). A forecast over 0.1 s would hardly tell: the noise of where it starts
         outweighs most forces.
 
@@ -75,7 +77,7 @@ def model_remainder(shooting: Shooting, fit: Fit, names: Sequence[str]) -> Outco
         sets = [(c.effects, c.values) for c in (fit.candidate, outcome.on(fit.candidate))]
         unseen = part.pick(kept)
         chi2 += [f.chi2 for f in unseen.fit(sets, fit.starts[which][kept], rounds=_ROUNDS, hold=True)]
-    used = bool(chi2[0] - chi2[1] > max(_CLEAR, _WORTH * (chi2[0] - part.dof)))
+    used = helps(float(chi2[0]), float(chi2[1]), part.dof)
     effect = learned.posterior(bins)
     details = {
         "used": used,
@@ -87,6 +89,19 @@ def model_remainder(shooting: Shooting, fit: Fit, names: Sequence[str]) -> Outco
         "chi2_of_kept": dict(zip(("after", "gp"), _told(chi2), strict=True)),
     }
     return Outcome(effect if used else None, details)
+
+
+def helps(after: float, learned: float, dof: int) -> bool:
+    """Whether a learned force lowers chi2 by enough; also where without it a simulation fails, and with it none.
+
+    Args:
+        after: chi2 of kept segments without it.
+        learned: and with it.
+        dof: degrees of freedom.
+    """
+    if not math.isfinite(learned):
+        return False
+    return not math.isfinite(after) or after - learned > max(_CLEAR, _WORTH * (after - dof))
 
 
 def _told(chi2: Array) -> list[float | None]:

@@ -24,8 +24,7 @@ class NoiseModel:
 
     Args:
         scale: standard deviation of the noise of positions, ``(C,)``, rad or m.
-        colour: coefficients of the last two values, ``(C, 2)``; zero for white noise, and not looked at beside an
-            acceleration.
+        colour: coefficients of the last two values, ``(C, 2)``; zero for white noise, and beside an acceleration.
         process: root of the spectral density of that, ``(C,)``, rad/s2 or m/s2 times the root of s; None without any.
     """
 
@@ -65,35 +64,34 @@ class NoiseModel:
         Returns:
             ``(..., S, (K + 1) * C)``.
         """
-        white = self._whitened(segments, residual)
+        white = self._whitened(segments, residual, self.scale, self.colour)
+        if self.process is not None:
+            differences = Differences.of(segments)
+            moved = differences.whiten(residual, differences.factor(self.scale, self.process))
+            white = np.where(self.process > 0.0, moved, white)
         return white.reshape(*white.shape[:-2], white.shape[-2] * white.shape[-1])
 
     def whiten_columns(self, segments: Segments, columns: Array) -> Array:
         """The same for derivatives by A parameters, ``(S, K + 1, C, A)``: ``(S, (K + 1) * C, A)``; NaN becomes zero."""
         *shape, channels, count = columns.shape
-        each = NoiseModel(
-            np.repeat(self.scale, count),
-            np.repeat(self.colour, count, axis=0),
-            None if self.process is None else np.repeat(self.process, count),
-        )
-        white = each._whitened(segments, columns.reshape(*shape, channels * count))
-        return np.nan_to_num(white.reshape(shape[0], shape[1] * channels, count), copy=False)
+        if self.process is not None:
+            white = np.moveaxis(self.whiten(segments, np.moveaxis(columns, -1, 0)), 0, -1)
+        else:
+            scale, colour = np.repeat(self.scale, count), np.repeat(self.colour, count, axis=0)
+            each = columns.reshape(*shape, channels * count)
+            white = self._whitened(segments, each, scale, colour).reshape(shape[0], shape[1] * channels, count)
+        return np.nan_to_num(white, copy=False)
 
-    def _whitened(self, segments: Segments, residual: Array) -> Array:
-        """:meth:`whiten`, ``(..., S, K + 1, C)``."""
-        out = residual / self.scale
-        if self.colour.any():
-            first, second = self.colour.T
-            fresh = self.scale / self.innovation
+    def _whitened(self, segments: Segments, residual: Array, scale: Array, colour: Array) -> Array:
+        """:meth:`whiten` with scale ``(C,)`` and colour ``(C, 2)`` of each channel, and no acceleration."""
+        out = residual / scale
+        if colour.any():
+            first, second = colour.T
+            fresh = scale / dataclasses.replace(self, scale=scale, colour=colour).innovation
             inner = out[..., 2:, :] - first * out[..., 1:-1, :] - second * out[..., :-2, :]
             usable = (segments.counts[:, 2:] & segments.counts[:, 1:-1] & segments.counts[:, :-2])[..., None]
             out = np.concatenate([out[..., :2, :], np.where(usable, inner * fresh, out[..., 2:, :])], axis=-2)
-        out = np.where(segments.counts[..., None], out, 0.0)
-        if self.process is not None:
-            differences = Differences.of(segments)
-            shaken = differences.whiten(residual, differences.factor(self.scale, self.process))
-            out = np.where(self.process > 0.0, shaken, out)
-        return out
+        return np.where(segments.counts[..., None], out, 0.0)
 
     def unwhiten(self, segments: Segments, white: Array) -> Array:
         """The transpose of :meth:`whiten`: from a gradient by whitened residuals to one by residuals.
@@ -116,8 +114,8 @@ class NoiseModel:
         out = out / self.scale
         if self.process is not None:
             differences = Differences.of(segments)
-            shaken = differences.unwhiten(white.reshape(out.shape), differences.factor(self.scale, self.process))
-            out = np.where(self.process > 0.0, shaken, out)
+            moved = differences.unwhiten(white.reshape(out.shape), differences.factor(self.scale, self.process))
+            out = np.where(self.process > 0.0, moved, out)
         return np.asarray(out)
 
 

@@ -18,7 +18,6 @@ from torch_activegp.diagnosis.preparation.late import Sets
 from torch_activegp.diagnosis.preparation.lengths import Lengths, longest
 from torch_activegp.diagnosis.preparation.noise_left import noise_behind, raised
 from torch_activegp.diagnosis.preparation.numerics import Numerics
-from torch_activegp.diagnosis.preparation.process_left import process_behind
 from torch_activegp.diagnosis.preparation.telling import CREEPS
 from torch_activegp.diagnosis.selection.compared import Selection
 from torch_activegp.diagnosis.selection.corrections import correct_alike
@@ -26,6 +25,7 @@ from torch_activegp.diagnosis.selection.finer_steps import nameless_in_finer_ste
 from torch_activegp.diagnosis.selection.first_names import Naming, besides, in_brief_pieces, is_of, leaders, on_a_part
 from torch_activegp.diagnosis.selection.own_errors import by_their_own_errors
 from torch_activegp.diagnosis.selection.polish import polish
+from torch_activegp.diagnosis.selection.process_left import process_behind
 from torch_activegp.diagnosis.selection.prospects import hopeless
 from torch_activegp.diagnosis.selection.search import Depth, select
 from torch_activegp.diagnosis.selection.weak import also_weak
@@ -214,7 +214,8 @@ def _with_noise(
     """What naming begins from where what is left shows that the noise is another one.
 
     Numerics are judged by it too, unless it is much like the one that they were chosen by, behind a set that holds this
-    one; from where the best set was fitted, for a stop that begins elsewhere may end anywhere, by any form.
+    one, or has an acceleration, which was seen by these; from where the best set was fitted, for a stop that begins
+    elsewhere may end anywhere, by any form.
     """
     tell("naming with the noise seen behind the effects")
     depth = _IN_VAIN if start.depth == _NO_FURTHER else start.depth
@@ -224,7 +225,7 @@ def _with_noise(
     far = bool(segments.far_off(nominal.per_segment * loud**2, _TOO_FAR).any())
     near, nominal = best.without_derivatives, nominal.without_derivatives  # which are those of the other noise
     known = bool(sets and np.isfinite(start.first.chi2)) and set(sets[0][0]) <= set(start.first.effects)
-    if not far and known and _alike(noise, start.noise):
+    if noise.process is not None or (not far and known and _alike(noise, start.noise)):
         shooting = dataclasses.replace(start.shooting, noise=noise)
         bare = shooting.fit([((), ())], nominal.starts, CREEPS, near=nominal)[0]
         judged = shooting.fit(sets[:1], near.starts, near=near)[0]

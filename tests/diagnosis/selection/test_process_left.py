@@ -9,8 +9,8 @@ import pytest
 
 from tests.diagnosis.conftest import INERTIA, RATE, XML, Bench, assemble
 from torch_activegp.data import Recording
-from torch_activegp.diagnosis.preparation import process_left as module
-from torch_activegp.diagnosis.preparation.process_left import by_positions, process_behind
+from torch_activegp.diagnosis.selection import process_left as module
+from torch_activegp.diagnosis.selection.process_left import by_positions, process_behind
 from torch_activegp.diagnosis.shooting.fit import Fit
 
 DAMPING, NOISE, SUBSTEPS = 0.6, 2e-5, 5
@@ -49,7 +49,7 @@ def test_what_right_names_leave_is_process_noise_and_their_parameters_are_judged
     found = process_behind(bench.shooting, bench.nominal, fit)
     assert found is not None and found.process is not None
     assert found.process[0] == pytest.approx(0.03, rel=0.25)
-    assert found.scale[0] < 3 * NOISE
+    assert found.scale[0] == NOISE
     again = dataclasses.replace(bench.shooting, noise=found)
     told = again.fit([(fit.effects, fit.values)], fit.starts)[0]
     assert told.chi2 == pytest.approx(again.dof, rel=0.15)
@@ -67,9 +67,17 @@ def test_little_left_or_much_of_the_mismatch_or_of_the_forces_is_no_process_nois
     assert process_behind(bench.shooting, bench.nominal, fit) is None  # noise alone
     bench, fit = shaken(0.03)
     assert process_behind(bench.shooting, bench.nominal, bench.nominal) is None  # no name
-    loud = dataclasses.replace(fit, chi2=0.02 * bench.nominal.chi2)
-    assert process_behind(bench.shooting, bench.nominal, loud) is None  # physics, maybe
+    near = bench.shooting.fit([(fit.effects, [0.9 * value for value in fit.values])], fit.starts, hold=True)[0]
+    assert fit.chi2 < 0.1 * near.chi2
+    assert process_behind(bench.shooting, near, fit) is None  # physics, maybe
+    filtered = dataclasses.replace(bench.shooting.noise, colour=np.array([[0.5, 0.0]]))
+    coloured = dataclasses.replace(bench.shooting, noise=filtered)
+    assert process_behind(coloured, bench.nominal, fit) is None
     gone = dataclasses.replace(fit, starts=fit.starts * np.nan)
     assert process_behind(bench.shooting, bench.nominal, gone) is None
+    monkeypatch.setattr(module, "MAX_EFFECTS", 1)
+    assert process_behind(bench.shooting, bench.nominal, fit) is None  # as many names as are tried
+    monkeypatch.undo()
+    assert process_behind(bench.shooting, bench.nominal, fit) is not None
     monkeypatch.setattr(module, "_STILL_TOLD", 1e6)
     assert process_behind(bench.shooting, bench.nominal, fit) is None  # the nominal leaves little more, as a force
