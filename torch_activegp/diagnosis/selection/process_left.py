@@ -83,7 +83,7 @@ def _much_left(shooting: Shooting, nominal: Fit, best: Fit) -> NDArray[np.bool_]
 
 
 def _likeliest(shooting: Shooting, fit: Fit, joints: NDArray[np.bool_]) -> Array:
-    """The likeliest density of what a fit leaves on some joints, ``(C,)``; 0 where that is noise, or a simulation fails."""
+    """The likeliest density of what a fit leaves on joints, ``(C,)``; 0 where that is noise, or a simulation fails."""
     density = np.zeros(len(joints))
     offset = 0.0 if shooting.offset is None else shooting.offset
     left = shooting.segments.position - offset - shooting.predicted(fit)
