@@ -46,6 +46,8 @@ def test_without_a_gap_backlash_changes_nothing_and_a_wider_one_changes_more(ben
     changes = [float(np.abs(run - machine.nominal()[:, 0]).max()) for run in runs]
     assert changes[0] < 1e-5
     assert [effect.plausible(np.array([gap])) for gap in (0.0, 1e-6, 1e-3)] == [False, False, True]
+    noisy = Backlash.at(dataclasses.replace(JOINT, noise=0.01), machine.model)
+    assert [noisy.plausible(np.array([gap])) for gap in (1e-3, 1e-2)] == [False, True]
     assert changes[0] < changes[1] < changes[2] < changes[3]
     slopes = np.diff([machine.hooks(effect, [gap])[-1, 0] for gap in np.linspace(0.02, 0.026, 6)])
     assert np.ptp(slopes) < 0.1 * abs(slopes.mean())  # smooth enough to fit

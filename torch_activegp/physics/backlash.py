@@ -17,8 +17,9 @@ from torch_activegp.physics.place import Place
 from torch_activegp.physics.rotor import Motion, Past, add_rotor, carried, whole_inertia
 
 _LIGHTEST = 0.01
-_NO_GAP = 1e-5
-"""Part of the joint's range that is no gap: a fiftieth of the smallest one that a search begins from."""
+_NO_GAP, _UNSEEN = 1e-5, 0.3
+"""Part of the joint's range that is no gap: a fiftieth of the smallest one that a search begins from. And part of the
+noise: gaps that were there were 3.3 of it at least in nine cases, and one of 0.09 stood for numerics."""
 _SPAN = 2
 _BACK, _FINE, _ROUNDING = 2.0, 2.5e-3, 1e-6
 """How long a rotor is carried along a recording before a simulation, and in about what steps, s."""
@@ -40,6 +41,7 @@ class Backlash(Effect):
         drag: the part of the joint's viscous damping that is the rotor's, N m s/rad or N s/m.
         drives: control, force for one unit of it, force without it, and largest force, for each motor on the joint.
         dt: time between the rows of a recording, s.
+        least: what is narrower is no gap, rad or m.
         centred: whether the rotor begins a recording in the middle of the gap, at the speed of the joint; else on the
             side where it must push to keep up.
         on_motor: whether the encoder sits on the motor: then what is recorded of the joint, and so its state as
@@ -55,6 +57,7 @@ class Backlash(Effect):
     drag: float = 0.0
     drives: tuple[tuple[int, float, float, float], ...] = ()
     dt: float = 0.01
+    least: float = 0.0
     centred: bool = False
     on_motor: bool = False
 
@@ -98,12 +101,13 @@ class Backlash(Effect):
             armature=armature,
             drives=tuple(drives),
             dt=place.dt,
+            least=max(_NO_GAP * width, _UNSEEN * place.noise),
             centred=True,
         )
 
     def plausible(self, values: Array) -> bool:
         """Whether there is a gap: none at all is another way to compute the same drive, or one that gives way."""
-        return bool(values[0] >= _NO_GAP * self.parameters[0].high)
+        return bool(values[0] >= self.least)
 
     def edit(self, field: Callable[[str], Array], rows: Index, values: Array) -> bool:
         """Takes the rotor off the joint; its drag follows with the first step, for a leapfrog looks at it before."""

@@ -26,6 +26,7 @@ class Place:
         turns_back: whether a joint turns back within a recording, by more than a fiftieth of its range.
         both_ways: whether it goes both ways, in one recording or in two.
         servo_force: largest absolute force that a servo gives by its own law, N m or N; 0 of other drives.
+        noise: standard deviation of white noise of the recorded positions.
         free: beyond these positions the model touches something in all recorded poses, ``(low, high)``.
     """
 
@@ -44,6 +45,7 @@ class Place:
     turns_back: bool = True
     both_ways: bool = True
     servo_force: float = 0.0
+    noise: float = 0.0
     free: tuple[float, float] = (-math.inf, math.inf)
 
     @property

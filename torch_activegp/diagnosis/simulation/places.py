@@ -86,6 +86,7 @@ def _joint(model: mujoco.MjModel, channels: Channels, runs: Sequence[Run], c: in
         qpos=int(channels.qpos[c]),
         loss=float(model.dof_frictionloss[dof]),
         turns_back=any(min(_travel(run, c)) > _BACK * np.ptp(position) for run in runs),
+        noise=float(np.median([run.noise[c] for run in runs])),
         free=(float(free[0]), float(free[1])),
         both_ways=all(_goes(runs, c, direction * _MOVING * speed) for direction in (1.0, -1.0)),
     )
