@@ -214,8 +214,8 @@ def _with_noise(
     """What naming begins from where what is left shows that the noise is another one.
 
     Numerics are judged by it too, unless it is much like the one that they were chosen by, behind a set that holds this
-    one, or has an acceleration, which was seen by these; from where the best set was fitted, for a stop that begins
-    elsewhere may end anywhere, by any form.
+    one; from where the best set was fitted, for a stop that begins elsewhere may end anywhere, by any form. Beside an
+    acceleration segments may be longer again: on EMPS all recordings count then, not 72 % of them.
     """
     tell("naming with the noise seen behind the effects")
     depth = _IN_VAIN if start.depth == _NO_FURTHER else start.depth
@@ -225,7 +225,7 @@ def _with_noise(
     far = bool(segments.far_off(nominal.per_segment * loud**2, _TOO_FAR).any())
     near, nominal = best.without_derivatives, nominal.without_derivatives  # which are those of the other noise
     known = bool(sets and np.isfinite(start.first.chi2)) and set(sets[0][0]) <= set(start.first.effects)
-    if noise.process is not None or (not far and known and _alike(noise, start.noise)):
+    if not far and known and _alike(noise, start.noise):
         shooting = dataclasses.replace(start.shooting, noise=noise)
         bare = shooting.fit([((), ())], nominal.starts, CREEPS, near=nominal)[0]
         judged = shooting.fit(sets[:1], near.starts, near=near)[0]
@@ -290,6 +290,8 @@ def _refuse_failed(segments: Segments, nominal: Fit) -> None:
 
 
 def _alike(one: NoiseModel, other: NoiseModel) -> bool:
-    """Whether two noises are about as loud in all channels, in what is new and in what is slow."""
+    """Whether two noises are about as loud in all channels, in what is new and in what is slow, and none shakes one."""
+    if one.process is not None or other.process is not None:
+        return False
     fast, slow = np.log(one.innovation / other.innovation), np.log(one.slow / other.slow)
     return bool(max(np.abs(fast).max(), np.abs(slow).max()) < np.log(_LIKE))
