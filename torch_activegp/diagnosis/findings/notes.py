@@ -74,7 +74,7 @@ def _process_notes(explanation: Explanation, corrected: Sequence[Effect]) -> lis
         f"joint:{joint}: what any effects leave is more than the noise of its positions, though next to nothing of the "
         f"mismatch. It is weighed as process noise, a random acceleration of {density:.2g} {unit}/s2/sqrt(Hz), and "
         "counts as noise in all that is said here. By the noise of positions alone the model that is given here leaves "
-        f"{fit.chi2 / alone.dof:.3g} times the noise (chi2 per dof)."
+        f"{fit.chi2 / alone.dof:.3g} times the noise (chi2 per dof) in pieces of {alone.segments.usual_seconds:.2g} s."
         for joint, unit, density in zip(channels.joints, channels.units, shooting.noise.process, strict=True)
         if density > 0.0
     ]

@@ -149,7 +149,7 @@ def judge(shooting: Shooting, selection: Selection) -> Judgement:
     if after.p_value < DOUBT and (unexplained > most or crowded):
         if (crowded and unexplained <= INADEQUATE) or _visible(shooting, nominal, before):
             verdict = "unknown"
-        elif crowded or not plain or (unexplained > LITTLE and not white):
+        elif crowded or not plain or count >= MANY or (unexplained > LITTLE and not white):
             return _nameless(shooting, nominal, before, rivals)
         elif gained < least_gain(shooting, best, count < MANY):
             return _nameless(shooting, nominal, before, rivals)
