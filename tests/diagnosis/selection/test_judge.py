@@ -267,7 +267,7 @@ def test_much_of_the_rest_is_named_however_little_of_the_whole_where_nothing_was
 def test_a_friction_behind_a_tuning_may_be_one_of_two_levels(bench, monkeypatch) -> None:
     dry, wet = bench.effect("coulomb_friction"), bench.effect("viscous_friction")
     (both,) = bench.shooting.fit([((dry, wet), (np.array([0.005]), np.array([0.05])))], bench.nominal.starts)
-    two_sided = bench.fit("asymmetric_friction", 0.02, 0.02)
+    two_sided = dataclasses.replace(bench.fit("asymmetric_friction", 0.02, 0.02), values=(np.array([0.05, 0.07]),))
     for tuned in ((wet,), ()):
         monkeypatch.setattr("torch_activegp.diagnosis.selection.judge._split", lambda *_, tuned=tuned: ([dry], tuned))
         monkeypatch.setattr("torch_activegp.diagnosis.selection.judge.is_certain", lambda *_, **__: True)
