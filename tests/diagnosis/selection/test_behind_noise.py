@@ -16,12 +16,12 @@ def test_what_names_leave_may_be_the_colour_of_noise_or_a_floor_that_is_low(benc
     shooting, segments = bench.shooting, bench.shooting.segments
     near, far = (dataclasses.replace(bench.nominal, chi2=part * shooting.dof) for part in (1.04, 1.06))
 
-    def least(fit=near, few: bool = True, **changed) -> float:
-        return least_gain(dataclasses.replace(shooting, **changed), fit, few)
+    def least(fit=near, **changed) -> float:
+        return least_gain(dataclasses.replace(shooting, **changed), fit)
 
-    assert [least(), least(far), least(few=False)] == [BEHIND_A_FLOOR, np.inf, np.inf]
+    assert [least(), least(far)] == [BEHIND_A_FLOOR, np.inf]
     slow = dataclasses.replace(segments, dt=np.full_like(segments.dt, 0.02))
-    assert least(far, few=False, segments=slow) == BEHIND_COLOUR
+    assert least(far, segments=slow) == BEHIND_COLOUR
     videos = tuple(dataclasses.replace(run, video=True) for run in segments.runs)
     assert least(segments=dataclasses.replace(slow, runs=videos)) == np.inf
     coloured = dataclasses.replace(shooting.noise, colour=np.ones_like(shooting.noise.colour))
@@ -29,6 +29,6 @@ def test_what_names_leave_may_be_the_colour_of_noise_or_a_floor_that_is_low(benc
     every_other = tuple(dataclasses.replace(run, left_out=np.arange(len(run)) % 2 == 1) for run in segments.runs)
     thinned = dataclasses.replace(segments, runs=every_other)
     assert least(segments=thinned) == BEHIND_THINNED_ROWS
-    assert [least(far, segments=thinned), least(few=False, segments=thinned)] == [np.inf, np.inf]
+    assert least(far, segments=thinned) == np.inf
     lost = tuple(dataclasses.replace(run, recorded=np.arange(len(run)) % 2 == 0) for run in segments.runs)
     assert least(segments=dataclasses.replace(segments, runs=lost)) == BEHIND_A_FLOOR

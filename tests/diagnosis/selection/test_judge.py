@@ -409,13 +409,16 @@ def test_names_that_gain_much_are_kept_before_what_may_be_noise(bench, monkeypat
     from torch_activegp.diagnosis.selection import judge as module
 
     monkeypatch.setattr(module, "_visible", lambda shooting, fit, left: False)
-    monkeypatch.setattr(module, "least_gain", lambda shooting, best, few: bar)
+    monkeypatch.setattr(module, "least_gain", lambda shooting, best: bar)
     wet = bench.fit("viscous_friction", 0.05)
     part = dataclasses.replace(wet, chi2=wet.chi2 + 0.4 * (bench.nominal.chi2 - wet.chi2))
     left = dataclasses.replace(omnibus(bench.shooting, bench.nominal), excess=part.chi2 - wet.chi2)
     monkeypatch.setattr(module, "omnibus", lambda shooting, fit: left)
     judged = judge(bench.shooting, selection(bench, part))
     assert (judged.verdict, judged.unexplained) == (verdict, pytest.approx(0.4 * (verdict == "named"), abs=0.01))
+    with monkeypatch.context() as many:
+        many.setattr(module, "MANY", 1)
+        assert judge(bench.shooting, selection(bench, part)).verdict == "none"
     monkeypatch.setattr(
         module, "_split", lambda shooting, chosen, rivals, within: (part.effects, (bench.effect("linear_spring"),))
     )

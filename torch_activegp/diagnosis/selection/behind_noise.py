@@ -23,16 +23,15 @@ _THINNED = 0.6
 """Part of the recorded rows that counts below which a recording is one of which a filter left some."""
 
 
-def least_gain(shooting: Shooting, best: Fit, few: bool) -> float:
-    """Score by which names must be better that leave what may be noise, though it seems to be none.
+def least_gain(shooting: Shooting, best: Fit) -> float:
+    """Score by which one or two names must be better that leave what may be noise, though it seems to be none.
 
     It may be the noise's own colour, where that is seen or would not be, but for videos; or a floor that is a few
-    percent too low, behind few names.
+    percent too low.
 
     Args:
         shooting: the likelihood.
         best: the names' fit.
-        few: whether they are one or two.
 
     Returns:
         In units of what is left; infinite where no gain is enough.
@@ -42,7 +41,7 @@ def least_gain(shooting: Shooting, best: Fit, few: bool) -> float:
         return np.inf
     if shooting.noise.colour.any() or shooting.hides_colour:
         return BEHIND_COLOUR
-    if not few or best.chi2 >= _A_LOW_FLOOR * shooting.dof:
+    if best.chi2 >= _A_LOW_FLOOR * shooting.dof:
         return np.inf
     thinned = min(float(run.counted.sum() / run.recorded.sum()) for run in runs) < _THINNED
     return BEHIND_THINNED_ROWS if thinned else BEHIND_A_FLOOR

@@ -151,7 +151,7 @@ def judge(shooting: Shooting, selection: Selection) -> Judgement:
             verdict = "unknown"
         elif crowded or not plain or count >= MANY or (unexplained > LITTLE and not white):
             return _nameless(shooting, nominal, before, rivals)
-        elif gained < least_gain(shooting, best, count < MANY):
+        elif gained < least_gain(shooting, best):
             return _nameless(shooting, nominal, before, rivals)
     elif after.p_value < _MAYBE and unexplained > INADEQUATE and gained < BEHIND_COLOUR:
         return _nameless(shooting, nominal, before, rivals)
