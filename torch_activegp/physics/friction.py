@@ -9,7 +9,7 @@ from typing import Self
 import mujoco
 import numpy as np
 
-from torch_activegp.physics.drag import AsymmetricFriction, QuadraticDrag, ViscousFriction, directions_differ
+from torch_activegp.physics.drag import AsymmetricFriction, QuadraticDrag, ViscousFriction
 from torch_activegp.physics.effect import Acting, Array, Effect, Index, Parameter, Step
 from torch_activegp.physics.joint import WITH_ITS_INERTIA, JointEffect
 from torch_activegp.physics.place import Place
@@ -198,8 +198,8 @@ class AsymmetricCoulomb(DryFriction):
         return -np.where(velocity > 0, values[0], values[1]) * np.sign(velocity)
 
     def plausible(self, values: Array) -> bool:
-        """Whether the friction brakes in both directions, and differs between them."""
-        return bool((self.nominal_loss + values >= 0.0).all()) and directions_differ(values)
+        """Whether the friction brakes in both directions."""
+        return bool((self.nominal_loss + values >= 0.0).all())
 
     def edit(self, field: Callable[[str], Array], rows: Index, values: Array) -> bool:
         """Adds the mean of both to ``dof_frictionloss``."""

@@ -23,6 +23,7 @@ from torch_activegp.diagnosis.selection.compared import Selection
 from torch_activegp.diagnosis.selection.corrections import correct_alike
 from torch_activegp.diagnosis.selection.finer_steps import nameless_in_finer_steps, of_a_step, without_a_step
 from torch_activegp.diagnosis.selection.first_names import Naming, besides, in_brief_pieces, is_of, leaders, on_a_part
+from torch_activegp.diagnosis.selection.one_law import with_one_law
 from torch_activegp.diagnosis.selection.own_errors import by_their_own_errors
 from torch_activegp.diagnosis.selection.polish import polish
 from torch_activegp.diagnosis.selection.process_left import process_behind
@@ -262,7 +263,7 @@ def _finish(
         found = selection.best
         if set(found.effects) == set(before.effects) and not found.chi2 < _SETTLED * before.chi2:
             break
-    selection = without_a_step(numerics, engine, shooting, selection)
+    selection = without_a_step(numerics, engine, shooting, with_one_law(shooting, selection, effects))
     if (nameless := nameless_in_finer_steps(numerics, engine, shooting, selection)) is not None:
         return Explanation(nameless[0].engine, *nameless, tuple(effects), fine=True)
     selection.of_a_step = of_a_step(numerics, engine, shooting, selection)
