@@ -51,12 +51,8 @@ class Beginnings:
         interval: float,
         first: NDArray[np.int64] | None = None,
     ) -> None:
-        self.engine, self.noise, self.candidates, self._interval = (
-            engine,
-            noise.of_positions,
-            list(candidates),
-            interval,
-        )
+        self.engine, self.noise = engine, noise.of_positions
+        self.candidates, self._interval = list(candidates), interval
         longer = [engine.in_longer_steps(seconds, interval) for seconds in _ROUGHLY]
         self._forms = list({form.substeps: form for form in (*longer, engine)}.values())  # of the same the last: itself
         self._compared = [form.substeps for form in self._forms].index(longer[-1].substeps)

@@ -220,8 +220,7 @@ def _shows_the_floor(left: _Left, noise: _Noise, floor: _Noise, high: tuple[floa
 def _left(shooting: Shooting, fit: Fit) -> list[_Left]:
     """What is left of each channel; none where too little is known of it."""
     predicted = shooting.engine.predict(shooting.segments, fit.starts[None], [fit.candidate])
-    offset = 0.0 if shooting.offset is None else shooting.offset
-    residual, counts = shooting.segments.position - offset - predicted[0], shooting.segments.counts
+    residual, counts = shooting.measured - predicted[0], shooting.segments.counts
     usable = np.asarray(counts[:, 2:] & counts[:, 1:-1] & counts[:, :-2])
     if usable.sum() < _LEAST or not np.isfinite(residual[counts]).all():
         return []

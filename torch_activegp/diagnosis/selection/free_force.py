@@ -27,6 +27,5 @@ def free_force_columns(shooting: Shooting, fit: Fit, seconds: float = _BIN) -> t
     boxes = np.broadcast_to(within[:, None] == np.arange(bins), (segments.size, segments.intervals, bins))
     strengths = [0.02 / max(float(engine.model.dof_invweight0[dof]), 1e-12) for dof in engine.channels.dof]
     forces = [linear.respond_to_force(c, strength * boxes) for c, strength in enumerate(strengths)]
-    measured = segments.position if shooting.offset is None else segments.position - shooting.offset
     exact = engine.predict(segments, fit.starts[None], [fit.candidate])
-    return measured - np.nan_to_num(exact[0]), linear.respond_to_start(), np.concatenate(forces, axis=-1)
+    return shooting.measured - np.nan_to_num(exact[0]), linear.respond_to_start(), np.concatenate(forces, axis=-1)

@@ -47,8 +47,10 @@ def process_behind(shooting: Shooting, nominal: Fit, best: Fit) -> NoiseModel | 
         The noise, or None where names leave little, or too much: of the mismatch, or of forces; where there is none, or
         as many as are tried.
     """
+    if not 0 < len(best.effects) < MAX_EFFECTS:
+        return None
     joints = _much_left(shooting, nominal, best)
-    if not 0 < len(best.effects) < MAX_EFFECTS or not joints.any():
+    if not joints.any():
         return None
     density, working, fit = np.zeros(len(joints)), shooting, best.without_derivatives
     for _ in range(_ANEW):
@@ -85,8 +87,7 @@ def _much_left(shooting: Shooting, nominal: Fit, best: Fit) -> NDArray[np.bool_]
 def _likeliest(shooting: Shooting, fit: Fit, joints: NDArray[np.bool_]) -> Array:
     """The likeliest density of what a fit leaves on joints, ``(C,)``; 0 where that is noise, or a simulation fails."""
     density = np.zeros(len(joints))
-    offset = 0.0 if shooting.offset is None else shooting.offset
-    left = shooting.segments.position - offset - shooting.predicted(fit)
+    left = shooting.measured - shooting.predicted(fit)
     if not np.isfinite(left[shooting.segments.counts]).all():
         return density
     for channel in np.flatnonzero(joints):

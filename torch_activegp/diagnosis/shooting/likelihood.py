@@ -78,10 +78,14 @@ class Shooting:
         """Whether rows are too far apart (recordings below 67 Hz) to see if an encoder filters its noise."""
         return float(np.median(self.segments.dt)) > _COLOUR_UNSEEN
 
+    @property
+    def measured(self) -> Array:
+        """The recorded positions less the offset, ``(S, K + 1, C)``: what a prediction is compared with."""
+        return self.segments.position if self.offset is None else self.segments.position - self.offset
+
     def residuals(self, predicted: Array) -> Array:
         """Whitened residuals ``(..., S, M)`` of predicted positions ``(..., S, K + 1, C)``."""
-        measured = self.segments.position if self.offset is None else self.segments.position - self.offset
-        return self.noise.whiten(self.segments, measured - predicted)
+        return self.noise.whiten(self.segments, self.measured - predicted)
 
     def residuals_from(self, starts: Array, candidates: Sequence[Candidate]) -> Array:
         """Whitened residuals of N candidates from initial states ``(N, S, nq + nv)``, ``(N, S, M)``."""
