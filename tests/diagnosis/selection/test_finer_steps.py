@@ -147,6 +147,32 @@ def test_a_rotor_that_stands_for_explicit_damping_is_no_name(clean, steps: int |
         assert found[1].best.chi2 < 1.2 * shooting.dof
 
 
+@pytest.mark.parametrize("taken", ["given", "fine"])
+def test_a_name_behind_which_the_wrong_form_was_taken_is_none(clean, taken: str) -> None:
+    """The other one of those that competed needs none."""
+    quiet = 1e-4
+    machine = clean.integrated("implicitfast", 0.01, 'damping="0.3"')
+    numerics = Numerics.of(machine, 1)
+    wrong, truth = (numerics.given, numerics.fine) if taken == "given" else (numerics.fine, numerics.given)
+    told = truth.predict(clean.segments, clean.nominal.starts[None], [NOMINAL])[0]
+    position = told + quiet * np.random.default_rng(0).normal(size=told.shape)
+    segments = dataclasses.replace(clean.segments, position=position)
+    shooting = Shooting(wrong, segments, NoiseModel.white(np.array([quiet])))
+    nominal = shooting.fit([((), ())], clean.nominal.starts)[0]
+    right = dataclasses.replace(shooting, engine=truth).fit([((), ())], nominal.starts)[0]
+    assert nominal.chi2 > 1.5 * right.chi2
+    best = dataclasses.replace(
+        nominal, effects=(clean.effect("viscous_friction"),), values=(np.ones(1),), chi2=right.chi2, columns=None
+    )
+    best = dataclasses.replace(best, per_segment=right.per_segment)
+    selection = Selection(nominal, [nominal, best], Score(shooting.samples, 60, 1.0))
+    selection.nominal = dataclasses.replace(nominal, chi2=min(nominal.chi2, 1.9 * shooting.dof))
+    found = nameless_in_finer_steps(numerics, wrong, shooting, selection)
+    assert found is not None
+    assert found[0].engine is truth
+    assert found[1].best.effects == ()
+
+
 @pytest.mark.parametrize("found", [True, False])
 def test_a_damping_that_stands_for_half_a_step_beside_another_name(clean, monkeypatch, found: bool) -> None:
     """Behind a stiff servo, whose controls come early in a simulator of first order; one that is missing stays."""

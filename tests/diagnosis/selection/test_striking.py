@@ -118,3 +118,21 @@ def test_what_short_steps_alone_gain_is_no_stops(numerics, part, found, tried, m
     monkeypatch.setattr(Shooting, "fit", lambda _, sets, *a, **k: [leaves(e, by[tuple(e)]) for e, _ in sets])
     told = in_short_steps(numerics, numerics.given, part, known, tried, lambda _: None, True)
     assert (told is not None) == taken
+
+
+@pytest.mark.parametrize(("left", "taken"), [(0.39, False), (0.41, True)])
+def test_a_play_makes_good_nothing_that_short_steps_lose(
+    struck, numerics, part, found, monkeypatch, left, taken
+) -> None:
+    """It leaves less there than what was found does, but that leaves less than either in the steps it was found in."""
+    push, play = (struck.effect(name) for name in ("constant_force", "backlash"))
+    nominal = found.nominal
+
+    def leaves(effects, part_of_it: float) -> Fit:
+        values = tuple(effect.seeds[0] for effect in effects)
+        return dataclasses.replace(nominal, effects=tuple(effects), values=values, chi2=part_of_it * nominal.chi2)
+
+    known = dataclasses.replace(found, fits=[nominal, leaves([push], left)])
+    monkeypatch.setattr(module, "expand", lambda tried, *_: tried.add([leaves([push, play], 0.4)]))
+    monkeypatch.setattr(Shooting, "fit", lambda _, sets, *a, **k: [leaves(e, 1.0) for e, _ in sets])
+    assert (in_short_steps(numerics, numerics.given, part, known, [push, play], lambda _: None) is not None) == taken

@@ -94,12 +94,16 @@ def of_a_step(numerics: Numerics, engine: Engine, shooting: Shooting, selection:
 
 
 def _others(numerics: Numerics, engine: Engine, shooting: Shooting, nominal: Fit) -> list[Engine]:
-    """The forms by which nothing may be missing: in shorter steps where something touches, else the closest ones."""
+    """The forms by which nothing may be missing: in shorter steps where something touches.
+
+    Else those that were not taken, for the form was chosen behind names, and the closest ones in shorter steps.
+    """
     if numerics.stiff:
         return [form for form in numerics.finer if form.substeps > shooting.engine.substeps]
     if nominal.design is None:
         nominal = shooting.fit([((), ())], nominal.starts, hold=True)[0]
-    return likeliest(numerics, dataclasses.replace(shooting, engine=engine, offset=None), nominal)
+    others = [form for form in dict.fromkeys((numerics.fine, numerics.given)) if form is not engine]
+    return others + likeliest(numerics, dataclasses.replace(shooting, engine=engine, offset=None), nominal)
 
 
 def _nameless(shooting: Shooting, starts: Array | None) -> Fit:

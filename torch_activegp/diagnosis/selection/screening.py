@@ -18,6 +18,7 @@ from torch_activegp.diagnosis.selection.sensitivities import (
     unit_values,
     units_of,
 )
+from torch_activegp.diagnosis.selection.smooth_segments import smooth_segments
 from torch_activegp.diagnosis.shooting.elimination import (
     SAME_DIRECTION,
     UNSEEN,
@@ -140,15 +141,24 @@ def screen(shooting: Shooting, fit: Fit, effects: Sequence[Effect]) -> Screen:
     Force laws, changes of inertia and what happens to controls are read off the linearisation around the fit's
     trajectories; simulated is only what acts in steps, or on inertia where not every joint is seen. Columns are made
     for some segments at a time, so that a machine with many joints and a long recording needs little more memory than
-    another.
+    another. Those in which an impact made derivatives of any size are left out (:func:`smooth_segments`).
 
     Args:
         shooting: the likelihood.
         fit: what is there already.
         effects: what could come.
     """
-    parts = _parts(shooting, fit.size + sum(map(_width, effects)))
     linear = linearize(shooting, fit)
+    smooth = smooth_segments(shooting, fit, linear)
+    if smooth.size < shooting.segments.size:
+        here, there, around = shooting.pick(smooth), fit.pick(smooth), linear.pick(smooth)
+        return _screened(here, there, around, effects).times(shooting.segments.size / smooth.size)
+    return _screened(shooting, fit, linear, effects)
+
+
+def _screened(shooting: Shooting, fit: Fit, linear: Linearization, effects: Sequence[Effect]) -> Screen:
+    """:func:`screen` around a linearisation, on all segments."""
+    parts = _parts(shooting, fit.size + sum(map(_width, effects)))
 
     def rows() -> Iterator[_Row]:
         for some in parts:

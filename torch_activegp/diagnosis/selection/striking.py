@@ -33,7 +33,9 @@ def in_short_steps(
     steps: when in one it strikes is an accident. A play of 0.12 mm in a ball screw, recorded to 0.01 mm, left six times
     the noise in steps of 4 ms, three times what three other names left, and 1.00 in steps of 0.5 ms. One of 0.7 mrad
     behind two other effects left 35000 in steps of 5 ms, where a wrong gain beside them left 7100, and 4750 in a fourth
-    of these. What was found is fitted in the short steps too, so that what they alone gain is nobody's.
+    of these. What was found is fitted in the short steps too, so that what they alone gain is nobody's; and what they
+    alone lose is no play's to make good: a scara arm left 1.146 times the noise in long steps of the form that was
+    close, with a play 1.146 too in short ones of another, and 1.33 in these without.
 
     Args:
         numerics: the forms of the model.
@@ -69,6 +71,6 @@ def in_short_steps(
         tried.add([other])
         expand(tried, sharp, striking, other, end)
     best = tried.best
-    if best is other or not best.effects or not found.score(best) < found.score(other):
+    if best is other or not best.effects or not found.score(best) < min(found.score(other), found.score(known)):
         return None
     return best.effects, best.values
