@@ -71,6 +71,21 @@ def test_a_free_run_that_is_lost_refutes_no_names_that_see_well_ahead(free, step
 
 
 @pytest.mark.parametrize(
+    ("before", "after", "lost"),
+    [(3.0, 3.2, True), (3.0, 3.0, False), (1.7, 1.9, False), (1100.0, 1300.0, False)],
+)
+def test_one_run_that_is_forecast_worse_than_without_names_refutes_them(before, after, lost: bool) -> None:
+    """Though all together are forecast better; not near the noise, nor where a simulator is farther off than a mean."""
+    better = [{**entry, "run": "other"} for entry in said(20.0 * before, min(4.0 * before, 900.0))]
+    other = [{**entry, "run": "third"} for entry in said(30.0 * before, 2.0)]
+    why = refutation([*said(before, after), *better, *other], lambda: 1.0)
+    assert (why is not None) is lost
+    assert why is None or why.startswith("not kept")
+    seen = said(before, after, (40.0, 9.0))
+    assert refutation([*seen, *better, *other], lambda: 1.0) == why
+
+
+@pytest.mark.parametrize(
     ("before", "expected", "lost"),
     [(30.0, 0.0, True), (30.0, 1.4, True), (30.0, 1.6, False), (12.1, 1.6, False), (11.9, 1.6, True)],
 )
