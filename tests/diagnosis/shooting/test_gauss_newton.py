@@ -199,6 +199,20 @@ def test_one_waits_while_states_follow_a_first_step_that_promises_most(bench, wa
     assert not seen[-1]  # the step was refused
 
 
+@pytest.mark.parametrize(("share", "waits"), [(0.89, True), (0.91, False)])
+def test_one_waits_behind_a_step_that_helped_much(bench, share: float, waits: bool) -> None:
+    """And kept little of a promise of most, which the next one may keep."""
+    begin = bench.fit("viscous_friction", 0.05)
+    fit = bench.shooting.fit([(begin.effects, begin.values)], begin.starts)[0]
+    problem = Problem(bench.shooting, fit.effects, (np.array([0.5]),), fit.starts, smooth=fit.starts)
+    candidates, states = problem.ask()
+    problem.tell(bench.shooting.residuals_from(states, candidates), last=False)
+    assert problem.waits
+    problem.ask()
+    problem.tell(np.sqrt(share) * problem._raw[None], last=False)
+    assert problem.waits is waits
+
+
 def test_where_the_states_have_settled_no_segment_is_braked(bench) -> None:
     """What they could not follow alone they may follow with the parameters."""
     fit = bench.fit("viscous_friction", 0.05)

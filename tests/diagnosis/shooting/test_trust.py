@@ -32,11 +32,13 @@ def test_parameters_stay_within_their_bounds(trust) -> None:
     np.testing.assert_array_equal(trust.inside(np.array([-1.0])), [0.0])
 
 
-def test_it_begins_until_a_step_helped_or_was_refused(trust) -> None:
-    assert trust.begins
-    trust.lengthen()
-    assert not trust.begins
+def test_what_steps_are_worth_is_untold_until_one_helped_a_little_or_was_refused(trust) -> None:
+    assert trust.untold
+    trust.lengthen(much=True)
+    assert trust.untold
+    trust.lengthen(much=False)
+    assert not trust.untold
     trust.begin()
-    assert trust.begins
+    assert trust.untold
     trust.shorten(hopeful=True)
-    assert not trust.begins
+    assert not trust.untold

@@ -24,6 +24,8 @@ _STALE = 2
 """Steps with old derivatives by the states, before new ones where the last step still changed much."""
 _FAR = 1.3
 """Times the noise from which on lent derivatives end elsewhere than precise ones; below, well within the intervals."""
+_HELPED = 0.1
+"""Part of chi2 that a step takes away which helps much."""
 _ALONE, _SHARE = 1.0, 1e-3
 """Chi2, and part of it, that the states must promise for one more step of theirs or for new derivatives by them."""
 
@@ -90,10 +92,15 @@ class Problem:
 
     @property
     def waits(self) -> bool:
-        """Whether its states move alone, longer than those of others, or a first step promises most, as yet untold."""
+        """Whether its states move alone, longer than those of others, or a step promises most, as yet untold.
+
+        A first one, or one behind a step that helped much: the right limit of a drive of six joints, at a guess 5 % off
+        105 thousand where others left 39, came to 82 in the first step, would have to 20 in the second, and was given
+        up between.
+        """
         if self._still:
             return self._followers.rescued and self._settling > 0
-        return self._trust.begins and self._predicted > _MOST * self.chi2
+        return self._trust.untold and self._predicted > _MOST * self.chi2
 
     @property
     def _hopeful(self) -> bool:
@@ -194,7 +201,7 @@ class Problem:
         self.derivatives.linearise(residual)
         fell = old - chi2
         if not fresh and np.isfinite(old):
-            self._trust.lengthen()
+            self._trust.lengthen(much=fell > _HELPED * old)
             self.derivatives.age += 1
             self._patience.take(fell, self._predicted, chi2)
             braked = float(self.derivatives.linear.promise[self._brakes.on].sum()) > _HOPE * chi2

@@ -23,24 +23,24 @@ class Trust:
         effects: of the set.
 
     Attributes:
-        begins: whether no step has helped yet, and none was refused.
+        untold: whether nothing says yet what steps are worth: none helped or was refused, or the last one helped much.
     """
 
     def __init__(self, effects: Sequence[Effect]) -> None:
-        self._effects, self._damping, self.begins = effects, _FIRST, True
+        self._effects, self._damping, self.untold = effects, _FIRST, True
         self._low, self._high = bounds(effects)
 
     def begin(self) -> None:
         """As at first."""
-        self._damping, self.begins = _FIRST, True
+        self._damping, self.untold = _FIRST, True
 
     def inside(self, flat: Array) -> Array:
         """Parameters ``(P,)`` within their bounds."""
         return np.clip(flat, self._low, self._high)
 
-    def lengthen(self) -> None:
-        """After a step that helped."""
-        self._damping, self.begins = max(self._damping / _FACTOR, _LEAST), False
+    def lengthen(self, much: bool) -> None:
+        """After a step that helped, maybe much."""
+        self._damping, self.untold = max(self._damping / _FACTOR, _LEAST), much
 
     def shorten(self, hopeful: bool) -> bool:
         """After one that did not; whether the next one would be too short.
@@ -48,7 +48,7 @@ class Trust:
         Args:
             hopeful: whether it promised much.
         """
-        self._damping, self.begins = max(_FACTOR * self._damping, _SHORT), False
+        self._damping, self.untold = max(_FACTOR * self._damping, _SHORT), False
         return self._damping > (_HOPEFUL_MOST if hopeful else _MOST)
 
     def step(self, linear: Eliminated, flat: Array) -> Array:
