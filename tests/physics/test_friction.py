@@ -9,6 +9,8 @@ import pytest
 
 from torch_activegp.physics.drag import AsymmetricFriction, QuadraticDrag, ViscousFriction
 from torch_activegp.physics.friction import FRICTION, AsymmetricCoulomb, CoulombFriction, StribeckFriction, sticking
+from torch_activegp.physics.place import Place
+from torch_activegp.physics.soft_friction import SoftCoulombFriction
 
 # effect, values, how far the law as a plain force and the model's file may be from it, in parts of its effect
 CASES = [
@@ -88,6 +90,14 @@ def test_what_comes_on_top_cannot_make_a_loss_negative(bench: Any) -> None:
     model.dof_frictionloss[0] = 0.3
     assert CoulombFriction.at(bench.shoulder, model).parameters[0].low == -0.3
     assert StribeckFriction.at(bench.shoulder, model).parameters[0].low == -0.3
+
+
+@pytest.mark.parametrize(("own", "tuned"), [(0.0, False), (0.02, True)])
+def test_a_level_that_the_model_has_may_be_tuned(own: float, tuned: bool) -> None:
+    model = mujoco.MjModel.from_xml_string(STUCK.replace('axis="0 1 0"', f'axis="0 1 0" frictionloss="{own}"'))
+    for kind in (CoulombFriction, SoftCoulombFriction):
+        assert kind.at(Place("joint:j", 0), model).tunable is tuned
+    assert not AsymmetricCoulomb.at(Place("joint:j", 0), model).tunable
 
 
 def test_dry_friction_by_direction_is_a_steady_force_beside_coulombs(bench: Any) -> None:

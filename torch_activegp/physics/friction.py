@@ -65,10 +65,10 @@ class CoulombFriction(DryFriction):
 
     @classmethod
     def at(cls, place: Place, model: mujoco.MjModel) -> Self:
-        """Makes the effect for a joint."""
-        scale = _SMALL * place.force
-        parameter = Parameter("level", place.force_unit, scale, low=-float(model.dof_frictionloss[place.index]))
-        return cls.make(place, (parameter,), [[scale]])
+        """Makes the effect for a joint; of one that the model has there a modeller would have tuned the level."""
+        scale, own = _SMALL * place.force, float(model.dof_frictionloss[place.index])
+        parameter = Parameter("level", place.force_unit, scale, low=-own)
+        return cls.make(place, (parameter,), [[scale]], tunable=own > 0.0)
 
     def force(self, position: Array, velocity: Array, values: Sequence[Array] | Array) -> Array:
         """The law; see :meth:`JointEffect.force`."""
