@@ -39,8 +39,7 @@ class SoftCoulombFriction(CoulombFriction):
         firm = CoulombFriction.at(place, model)
         softness = {"solref": model.dof_solref[place.index], "solimp": model.dof_solimp[place.index, :2]}
         soft = {name: tuple(map(float, values)) for name, values in softness.items()}
-        own = {"variant": SOFT, "stands_in": True, "tunable": firm.tunable}
-        return cls.make(place, firm.parameters, firm.seeds.tolist(), **own, **soft)
+        return cls.make(place, firm.parameters, firm.seeds.tolist(), variant=SOFT, stands_in=True, **soft)
 
     def edit(self, field: Callable[[str], Array], rows: Index, values: Array) -> bool:
         """Adds to ``dof_frictionloss``, as soft as the model says."""

@@ -40,15 +40,16 @@ def broken(linear: Linearization, which: list[int]) -> Linearization:
 
 def test_segments_with_derivatives_of_any_size_are_left_out(pushed) -> None:
     linear = linearize(*pushed)
-    kept = smooth_segments(*pushed, linear)
-    assert 2 * len(kept) >= len(linear.states)
-    wild = [int(kept[1]), int(kept[-2])]
-    assert smooth_segments(*pushed, broken(linear, wild)).tolist() == [s for s in kept if s not in wild]
+    every = list(range(pushed[0].segments.size))
+    assert smooth_segments(*pushed, linear).tolist() == every  # what it foresees too little of outweighs nobody
+    wild = [1, len(every) - 2]
+    assert smooth_segments(*pushed, broken(linear, wild)).tolist() == [s for s in every if s not in wild]
 
 
-def test_all_count_where_more_than_half_are_wild(pushed) -> None:
+def test_all_count_where_most_are_wild(pushed) -> None:
+    """No other segment says what is usual."""
     size = pushed[0].segments.size
-    assert len(smooth_segments(*pushed, broken(linearize(*pushed), list(range(size // 2 + 1))))) == size
+    assert len(smooth_segments(*pushed, broken(linearize(*pushed), list(range(size // 2 + 2))))) == size
 
 
 def test_all_count_where_nothing_touches(bench) -> None:
@@ -56,15 +57,25 @@ def test_all_count_where_nothing_touches(bench) -> None:
     assert len(smooth_segments(bench.shooting, bench.nominal, linear)) == bench.segments.size
 
 
-def test_a_push_is_seen_beside_a_wild_segment(pushed, monkeypatch) -> None:
+@pytest.mark.parametrize("held", [0, 12])
+def test_a_joint_that_is_held_in_most_segments_says_nothing_of_the_others(pushed, held: int) -> None:
+    linear = linearize(*pushed)
+    force = linear.force.copy()
+    force[:held] = 0.0
+    kept = smooth_segments(*pushed, broken(dataclasses.replace(linear, force=force), [14]))
+    assert (14 in kept) is (held > 0)
+    assert len(kept) == linear.states.shape[0] - (held == 0)
+
+
+def test_a_push_is_seen_beside_wild_segments(pushed, monkeypatch) -> None:
+    """As much of it as all segments would show."""
     shooting, fit = pushed
     engine, segments = shooting.engine, shooting.segments
     effects = [e for e in effects_for(engine.model, engine.channels, segments.runs) if e.name == "constant_force"]
     sound = screen(shooting, fit, effects).best()[0]
     assert sound.values == pytest.approx([0.2], rel=0.3)
     linear = linearize(shooting, fit)
-    kept = smooth_segments(shooting, fit, linear)
-    monkeypatch.setattr(screening, "linearize", lambda *_: broken(linear, [int(kept[1])]))
+    monkeypatch.setattr(screening, "linearize", lambda *_: broken(linear, [1, 3, 6, 8, 11, 14]))
     seen = screen(shooting, fit, effects).best()[0]
-    assert seen.gain == pytest.approx(sound.gain, rel=0.2)
+    assert seen.gain == pytest.approx(sound.gain, rel=0.25)
     assert seen.values == pytest.approx(sound.values, rel=0.1)

@@ -265,12 +265,13 @@ def _finish(
             break
     selection = without_a_step(numerics, engine, shooting, selection)
     if (nameless := nameless_in_finer_steps(numerics, engine, shooting, selection)) is not None:
-        return Explanation(nameless[0].engine, *nameless, tuple(effects), fine=True)
-    selection.of_a_step = of_a_step(numerics, engine, shooting, selection)
-    correct_alike(selection, shooting, effects)
-    polish(shooting, selection, effects)
-    shooting = by_their_own_errors(shooting, engine, selection)
-    selection = with_one_law(shooting, selection, effects)
+        engine, (shooting, selection) = nameless[0].engine, nameless
+    else:
+        selection.of_a_step = of_a_step(numerics, engine, shooting, selection)
+        correct_alike(selection, shooting, effects)
+        polish(shooting, selection, effects)
+        shooting = by_their_own_errors(shooting, engine, selection)
+        selection = with_one_law(shooting, selection, effects)
     fine, firm = engine is not numerics.given, numerics.sticks(engine)
     return Explanation(engine, shooting, selection, tuple(effects), fine, firm)
 

@@ -11,6 +11,7 @@ from torch_activegp.diagnosis.preparation.brief_pieces import begun
 from torch_activegp.diagnosis.preparation.late import LIKE_A_TIME_STEP, without_half_steps
 from torch_activegp.diagnosis.preparation.numerics import Numerics
 from torch_activegp.diagnosis.preparation.own_forms import likeliest
+from torch_activegp.diagnosis.preparation.rivals import Rival
 from torch_activegp.diagnosis.preparation.telling import enough
 from torch_activegp.diagnosis.selection.compared import Selection, fitted
 from torch_activegp.diagnosis.shooting.fit import Fit
@@ -22,14 +23,14 @@ _SMALL = 2.0
 """Times the noise that a nominal leaves at most for its time steps to be all that is missing: a hammer's left 1.47 in
 steps of 1 ms, and 1.18 in half of that, for 1.16 with a rotor, a gain and a delay."""
 _HALF = 0.5
-"""Part of what shorter steps must gain to make names needless, that they gain on some of the segments to be fitted to
+"""Part of what another form must gain to make names needless, that it gains on some of the segments to be fitted to
 all. On hammers with a delay or a limit they gained nothing, on a leg that was damped a fourth of the names' gain."""
 
 
 def nameless_in_finer_steps(
     numerics: Numerics, engine: Engine, shooting: Shooting, selection: Selection
 ) -> tuple[Shooting, Selection] | None:
-    """The nominal in other time steps, where it does as well as the best set does.
+    """The nominal by another form of the model, mostly in shorter steps, where it does as well as the best set does.
 
     Impacts end a little elsewhere in each of them. A sphere that bounced on a floor left 1.02 of the noise in steps of
     1 ms, 0.997 with a stop or a damper there, and as much in steps of 0.25 ms without. Where nothing touches, a
@@ -44,7 +45,7 @@ def nameless_in_finer_steps(
         selection: the compared sets.
 
     Returns:
-        The likelihood by the shorter steps and a selection of the nominal alone; None where the names stay.
+        The likelihood by that form and a selection of the nominal alone; None where the names stay.
     """
     best, nominal, score = selection.best, selection.nominal, selection.score
     if not best.effects or nominal.chi2 > _SMALL * shooting.dof:
@@ -96,14 +97,18 @@ def of_a_step(numerics: Numerics, engine: Engine, shooting: Shooting, selection:
 def _others(numerics: Numerics, engine: Engine, shooting: Shooting, nominal: Fit) -> list[Engine]:
     """The forms by which nothing may be missing: in shorter steps where something touches.
 
-    Else those that were not taken, for the form was chosen behind names, and the closest ones in shorter steps.
+    Else those that are closer to the nominal than the one that was taken, for that was chosen behind names; the closest
+    first, and of the model's own in shorter steps one of each scheme.
     """
     if numerics.stiff:
         return [form for form in numerics.finer if form.substeps > shooting.engine.substeps]
     if nominal.design is None:
         nominal = shooting.fit([((), ())], nominal.starts, hold=True)[0]
-    others = [form for form in dict.fromkeys((numerics.fine, numerics.given)) if form is not engine]
-    return others + likeliest(numerics, dataclasses.replace(shooting, engine=engine, offset=None), nominal)
+    precise = dataclasses.replace(shooting, engine=engine, offset=None)
+    competing = (engine, numerics.fine, numerics.given, numerics.firm, numerics.firm_leapt)
+    taken, *others = (Rival.at(precise, form, nominal) for form in dict.fromkeys(competing) if form is not None)
+    closer = sorted((rival for rival in others if rival.left < taken.left), key=lambda rival: rival.left)
+    return list(dict.fromkeys([*(rival.engine for rival in closer), *likeliest(numerics, precise, nominal)]))
 
 
 def _nameless(shooting: Shooting, starts: Array | None) -> Fit:

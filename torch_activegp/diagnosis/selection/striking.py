@@ -64,8 +64,6 @@ def in_short_steps(
     tried = Selection(bare, [bare], found.score)
     if in_vain:
         expand(tried, sharp, striking, bare, end)
-        if not found.score(tried.best) < found.score(known):
-            return None
     other = sharp.fit([(known.effects, known.values)], known.starts, CREEPS)[0]
     if not in_vain:
         tried.add([other])

@@ -24,8 +24,8 @@ _STALE = 2
 """Steps with old derivatives by the states, before new ones where the last step still changed much."""
 _FAR = 1.3
 """Times the noise from which on lent derivatives end elsewhere than precise ones; below, well within the intervals."""
-_HELPED = 0.1
-"""Part of chi2 that a step takes away which helps much."""
+_KEPT = 0.2
+"""Part of what it promised that a step takes away which helps much."""
 _ALONE, _SHARE = 1.0, 1e-3
 """Chi2, and part of it, that the states must promise for one more step of theirs or for new derivatives by them."""
 
@@ -92,11 +92,11 @@ class Problem:
 
     @property
     def waits(self) -> bool:
-        """Whether its states move alone, longer than those of others, or a step promises most, as yet untold.
+        """Whether its states move alone, longer than those of others, or steps that promise most may yet keep that.
 
-        A first one, or one behind a step that helped much: the right limit of a drive of six joints, at a guess 5 % off
-        105 thousand where others left 39, came to 82 in the first step, would have to 20 in the second, and was given
-        up between.
+        A first one of which nothing is told, or the last one did in part: with the limit of a drive of six joints, 5 %
+        off, a set left 105 thousand where others left 39; the first step, which promised 85, came to 82, the second
+        would have come to 20, and the set was given up between.
         """
         if self._still:
             return self._followers.rescued and self._settling > 0
@@ -201,7 +201,7 @@ class Problem:
         self.derivatives.linearise(residual)
         fell = old - chi2
         if not fresh and np.isfinite(old):
-            self._trust.lengthen(much=fell > _HELPED * old)
+            self._trust.lengthen(much=fell > _KEPT * self._predicted)
             self.derivatives.age += 1
             self._patience.take(fell, self._predicted, chi2)
             braked = float(self.derivatives.linear.promise[self._brakes.on].sum()) > _HOPE * chi2

@@ -41,8 +41,9 @@ class Race:
     def give_up(self, problems: Sequence[Problem], ended: Sequence[Fit] = (), only_misled: bool = False) -> None:
         """Ends the fits that stay far behind: not of the best three sets, or of the best three of theirs; not close.
 
-        Those stay whose first step promises most and was neither taken nor refused yet: where a slide sticks (EMPS),
-        the right one sought the states that follow it for ten rounds, and then left a sixtieth of what others did.
+        Those stay that wait (:attr:`Problem.waits`), as for a first step that promises most and was neither taken nor
+        refused yet: where a slide sticks (EMPS), the right one sought the states that follow it for ten rounds, and
+        then left a sixtieth of what others did.
 
         And those that cost so much more than a set which leaves little more than noise that they could not become the
         best: 26 sets around a viscous friction on a machine that strikes took 70 s, for 25 s without them.

@@ -23,7 +23,8 @@ class Trust:
         effects: of the set.
 
     Attributes:
-        untold: whether nothing says yet what steps are worth: none helped or was refused, or the last one helped much.
+        untold: whether nothing speaks against what steps promise: none helped or was refused yet, or the last one
+            helped much.
     """
 
     def __init__(self, effects: Sequence[Effect]) -> None:
