@@ -42,6 +42,16 @@ def test_what_fits_as_well_is_not_ruled_out_by_the_recordings(fakes: Any) -> Non
     assert section.heading.endswith("the next rival is 14 points worse")
 
 
+def test_what_holds_the_verdict_and_more_is_no_rival_of_it(fakes: Any) -> None:
+    """It fits nearly as well, and was not excluded but needless."""
+    diagnosis, evidence = fakes["named"]()
+    best, second, *_ = diagnosis["rivals"]
+    second["effects"] = [*best["effects"], {"name": "cogging", "target": "joint:elbow"}]
+    section = rivals(diagnosis, evidence)
+    assert [row["word"] for row in section.content["rows"]][:3] == ["", "more than is needed", "ruled out"]
+    assert section.heading.endswith("the next rival is 14 points worse")
+
+
 def test_all_that_tie_are_marked(fakes: Any) -> None:
     assert [row["tag"] for row in rivals(*fakes["tie"]()).content["rows"]] == ["tied", "tied", "", ""]
 

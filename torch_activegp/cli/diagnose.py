@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import logging
 import time
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Self
@@ -98,8 +98,9 @@ def diagnose(
     checkpoint = Checkpoint(kept_in)
     with _going_on(checkpoint):
         with one_thread(), _Told.at_once() as told, StageProgress(console, "diagnosing") as progress:
+            tell = _resuming(progress.tell, checkpoint)
             diagnosis = diagnose_from(
-                simulator, fit, test, seed=seed, nthread=threads, tell=progress.tell, checkpoint=checkpoint
+                simulator, fit, test, seed=seed, nthread=threads, tell=tell, checkpoint=checkpoint
             )
         found = diagnosis.to_dict()
         assert checkpoint.path is not None
@@ -111,8 +112,6 @@ def diagnose(
             write_report(found, diagnosis.evidence, folder / "report.html")
             write_json(folder / _LAST, {**settings, "seconds": round(time.perf_counter() - began, 2)})
             checkpoint.clear()
-    if checkpoint.resumed is not None:
-        _say(f"Went on from an interrupted call, after {checkpoint.resumed}.", to=console)
     _say(diagnosis.sentence)
     _show(found)
     later = [note for note in found.get("notes") or () if note not in told.notes]
@@ -141,6 +140,19 @@ def _going_on(checkpoint: Checkpoint) -> Iterator[None]:
             to=console,
         )
         raise typer.Exit(INTERRUPTED) from error
+
+
+def _resuming(tell: Callable[[str, float], None], checkpoint: Checkpoint) -> Callable[[str, float], None]:
+    """The same, and says once, as soon as it is known, that an interrupted call goes on."""
+    said: list[str] = []
+
+    def wrapped(stage: str, done: float) -> None:
+        if checkpoint.resumed is not None and not said:
+            said.append(f"Going on from an interrupted call: {checkpoint.resumed} is done.")
+            _say(said[-1], to=console)
+        tell(stage, done)
+
+    return wrapped
 
 
 class _Told(logging.Handler):

@@ -13,7 +13,8 @@ _HARDLY = 1e-12
 _CLOSE, _ROUNDING = 2.0, 1e-6
 _LONG = 2
 """A set of more effects than these that contains the best one is told by what it adds."""
-_DEARER = "fits as well, costs more"
+_DEARER, _NEEDLESS = "fits as well, costs more", "more than is needed"
+"""Of sets that leave no more than the best one, and of those that hold it and something else."""
 _TIE, _SAME = 6.0, "not told apart here"
 """Of ties that score farther apart than others do: one law in two places, or a machine that strikes something."""
 _TAGS = {"none": "the verdict", "named": "the verdict", "tie": "tied", "unknown": "not enough"}
@@ -33,6 +34,8 @@ def rivals(diagnosis: Values, evidence: Values) -> Section | None:
             row["tag"] = _TAGS[diagnosis["verdict"]]
         elif _fits_as_well(rival, found[0]) and (_gap(rival, found[0]) or 0.0) > _TIE:
             row["word"] = _DEARER
+        elif _key(rival["effects"]) > _key(found[0]["effects"]) and found[0]["effects"]:
+            row["word"] = _NEEDLESS
         if stands_in and (_gap(rival, found[0]) or 0.0) > _TIE:
             row["word"] = _SAME
     content = {"rows": rows[:_FIRST], "more": rows[_FIRST:]}
@@ -45,7 +48,8 @@ def _heading(diagnosis: Values, found: list[Values], named: frozenset[Any]) -> s
     if diagnosis["verdict"] == "unknown":
         return "The best known explanation is not good enough"
     others = [rival for rival in found if _key(rival["effects"]) != named]
-    others = [rival for rival in others if not _fits_as_well(rival, found[0])] or others
+    other = [rival for rival in others if not (_fits_as_well(rival, found[0]) or _key(rival["effects"]) > named)]
+    others = (other if named else []) or others
     gap = _gap(others[0], found[0]) if others and _key(found[0]["effects"]) == named else None
     if gap is None:
         return "The explanations compared"

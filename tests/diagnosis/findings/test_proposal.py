@@ -72,6 +72,16 @@ def test_what_is_known_well_need_not_be_recorded_again(bench, wet, error: float,
     assert found[1].needed is not first.startswith("nothing")
 
 
+@pytest.mark.parametrize(("left", "words"), [(0.91, "hardly more of viscous_friction"), (0.89, "standard error")])
+def test_what_controls_would_hardly_tell_is_not_promised(bench, wet, monkeypatch, left: float, words: str) -> None:
+    module = "torch_activegp.diagnosis.findings.proposal"
+    monkeypatch.setattr(f"{module}.left_of_errors", lambda *_: np.array([left]))
+    for error, well in ((0.01, True), (0.03, False)):
+        found = least_certain(bench.shooting, wet, np.array([[(error * wet.values[0][0]) ** 2]]))
+        assert found is not None
+        assert (words if well else "standard error") in found[1].sentence(again(bench))
+
+
 def test_a_ratio_has_no_unit(bench) -> None:
     limit = bench.effect("actuator_saturation", "actuator:drive")
     information = np.array([[1e4]])

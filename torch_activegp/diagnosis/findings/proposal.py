@@ -24,6 +24,8 @@ _OPEN = 20.0
 _SETTLED, _UNTOLD = "no rival is left", "no controls were found that would tell the rivals apart"
 _WELL_KNOWN = 0.02
 """Standard error of the least certain parameter, in parts of it, from which on the user need not record more."""
+_HARDLY_LESS = 0.9
+"""Part of it from which on what is left of it by one more recording is no gain to speak of."""
 _ENDS = 2.0
 """Standard errors from a parameter's estimate to the ends that are to be told apart."""
 
@@ -102,6 +104,8 @@ def least_certain(
 
     def sentence(trial: Trial) -> str:
         share = float(left_of_errors(shooting, fit, trial.run, trial.start)[place])
+        if enough and share > _HARDLY_LESS:
+            return f"{before}, and these controls would tell hardly more of {where}"
         if not known:
             return (
                 f"{before}; least certain is {where}, whose standard errors these controls would bring to about "
