@@ -310,6 +310,19 @@ def test_a_mass_that_is_too_much_beside_a_tuning_was_tuned(bench, monkeypatch, d
     assert [[effect.name for effect in some] for some in asked] == [["viscous_friction"]]  # the mass makes none
 
 
+@pytest.mark.parametrize("tunable", [True, False])
+def test_another_form_of_what_may_have_been_tuned_was_tuned_too(bench, monkeypatch, tunable: bool) -> None:
+    """Of a dry friction that the model has: as soft as it is there."""
+    firm = dataclasses.replace(bench.effect("coulomb_friction"), tunable=tunable)
+    soft, load = dataclasses.replace(firm, variant="soft", tunable=False), bench.effect("payload_mass", "body:rod")
+    best = dataclasses.replace(bench.nominal, effects=(soft, load), values=(np.array([-0.01]), np.array([0.05])))
+    monkeypatch.setattr("torch_activegp.diagnosis.selection.judge.is_a_tuning", lambda *_: True)
+    monkeypatch.setattr(Selection, "best", best)
+    monkeypatch.setattr(Selection, "needs_more_than", lambda *_: False)
+    chosen = dataclasses.replace(selection(bench, best), tunable=(firm,))
+    assert _split(bench.shooting, chosen, ()) == (([load], (soft,)) if tunable else ([soft, load], ()))
+
+
 @pytest.mark.parametrize(("part", "verdict"), [(0.9, "unknown"), (1.1, "named")])
 def test_as_many_names_as_are_tried_may_leave_a_little_noise(bench, monkeypatch, part, verdict) -> None:
     monkeypatch.setattr("torch_activegp.diagnosis.selection.adequacy.MAX_EFFECTS", 1)

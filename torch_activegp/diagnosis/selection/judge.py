@@ -207,8 +207,9 @@ def _split(
     of which the model has too much was tuned too: it is no physics that was left out.
     """
     best = selection.best
-    names = {e.key for fit, _, _ in rivals for e in fit.effects if e.tunable}
-    tunable = [e for e in best.effects if e.tunable or names & set(swapped(rivals, best, e, within))]
+    every = [e for fit in (best, *(rival for rival, _, _ in rivals)) for e in fit.effects]
+    names = {e.key for e in (*every, *selection.tunable) if e.tunable}  # of another form of them too
+    tunable = [e for e in best.effects if e.key in names or names & set(swapped(rivals, best, e, within))]
     others = [e for e in best.effects if e not in tunable]
     if not tunable or not others:
         return list(best.effects), ()
