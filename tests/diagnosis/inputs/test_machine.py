@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from torch_activegp.data import Recording
-from torch_activegp.diagnosis.inputs.machine import check_given, make_machine
+from torch_activegp.diagnosis.inputs.machine import check_given, make_machine, recording_notes
 from torch_activegp.errors import DataError
 
 NO_CONTROL = (
@@ -163,3 +163,10 @@ def test_what_is_true_of_all_is_noted_once(model, record) -> None:
 def test_what_was_decided_about_a_file_is_noted_once(model, record, tmp_path) -> None:
     parts = [dataclasses.replace(record(name=f"f (run {i})"), source=tmp_path / "f", notes=("Gap.",)) for i in (1, 2)]
     assert make_machine(model, parts, [record()]).notes == ("f (run 1): Gap.",)
+
+
+def test_what_is_so_of_several_recordings_is_said_once(bench, record) -> None:
+    left_out, gap = "Columns left out: u.", "Gap."
+    runs = [dataclasses.replace(record(name=name), notes=(left_out,)) for name in "abc"]
+    runs[1] = dataclasses.replace(runs[1], notes=(left_out, gap))
+    assert recording_notes(bench.machine.model, runs) == [f"a and 2 more: {left_out}", f"b: {gap}"]

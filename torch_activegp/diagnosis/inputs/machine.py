@@ -165,18 +165,19 @@ def _doubts(model: mujoco.MjModel, channels: Channels, fit: Sequence[Run], kept:
 
 
 def recording_notes(model: mujoco.MjModel, recordings: Sequence[Recording]) -> list[str]:
-    """What was read from each recording and what it lacks, in sentences."""
-    notes: list[str] = []
+    """What was read from each recording and what it lacks, in sentences; what is so of several is said once."""
+    whose: dict[str, list[str]] = {}
     told: set[tuple[Path | None, str]] = set()
     for recording in recordings:
         own = [note for note in recording.notes if recording.source is None or (recording.source, note) not in told]
-        notes += [f"{recording.label}: {note}" for note in own]  # once for all runs of a file
-        told |= {(recording.source, note) for note in own}
+        told |= {(recording.source, note) for note in own}  # once for all runs of a file
         unseen = [joint for joint in recording.joints if f"qpos.{joint}" not in recording]
-        notes += [
-            f"{recording.label}: qvel.{joint} without qpos.{joint}; {joint} counts as not measured. Record it."
-            for joint in unseen
-        ]
+        lacks = [f"qvel.{joint} without qpos.{joint}; {joint} counts as not measured. Record it." for joint in unseen]
+        for note in (*own, *lacks):
+            whose.setdefault(note, []).append(recording.label)
+    notes = [
+        f"{first}{f' and {len(others)} more' if others else ''}: {note}" for note, (first, *others) in whose.items()
+    ]
     return [*notes, *partly_driven(model, recordings), *undriven(model, recordings)]
 
 
