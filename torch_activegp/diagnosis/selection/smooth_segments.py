@@ -38,7 +38,7 @@ def smooth_segments(shooting: Shooting, fit: Fit, linear: Linearization) -> NDAr
     if not strikes(engine.model, engine.channels, segments.runs):
         return np.arange(segments.size)
     too_much = np.zeros(segments.size)
-    start, before = shooting.whiten_columns(linear.respond_to_start()), _ends(shooting, fit)
+    start, before = shooting.whiten_columns(linear.respond_to_start()), _predicted(shooting, fit)
     held = np.ones((segments.size, segments.intervals, 1))
     left = max(float(np.median(fit.per_segment - segments.samples)), _LEAST)
     for channel, dof in enumerate(engine.channels.dof):
@@ -49,13 +49,13 @@ def smooth_segments(shooting: Shooting, fit: Fit, linear: Linearization) -> NDAr
             continue
         force = np.zeros((segments.size, segments.intervals, engine.model.nv))
         force[..., dof] = np.sqrt(left / usual)
-        moved = _ends(shooting, fit, force) - before
+        moved = _predicted(shooting, fit, force) - before
         does = (beside(start, np.nan_to_num(shooting.noise.whiten(segments, moved))) ** 2).sum(axis=1)
         too_much = np.maximum(too_much, left / usual * told / np.maximum(does, left))
     return np.flatnonzero(too_much <= max(_TIMES, float(np.median(too_much))))
 
 
-def _ends(shooting: Shooting, fit: Fit, force: Array | None = None) -> Array:
+def _predicted(shooting: Shooting, fit: Fit, force: Array | None = None) -> Array:
     """What the sensors would read by a fit with forces on all joints, ``(S, K, nv)``, by what is linearised."""
     candidate = dataclasses.replace(fit.candidate, force=force)
     return shooting.differences.predict(shooting.segments, fit.starts[None], [candidate])[0]
