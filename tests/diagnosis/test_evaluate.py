@@ -57,6 +57,14 @@ def test_degrees_are_refused(record: Record) -> None:
         evaluate(model_text(), [degrees], nthread=1)
 
 
+def test_a_control_in_another_unit_is_doubted(record: Record) -> None:
+    run = record("none", 3)
+    columns = {name: run[name] for name in run.columns}
+    thousandths = Recording.from_columns("swing", columns | {"ctrl.drive": 1e-3 * run["ctrl.drive"]})
+    (note,) = evaluate(model_text(), [thousandths], nthread=1)["notes"]
+    assert note.startswith("Column `ctrl.drive`: the unit seems to be another one.")
+
+
 def test_what_was_decided_about_the_recordings_is_noted(record: Record) -> None:
     run = record("none", 3, "a")
     columns = {name: run[name] for name in run.columns if name != "ctrl.drive"}

@@ -13,6 +13,7 @@ from torch_activegp.diagnosis.inputs.blackbox import check_clock
 from torch_activegp.diagnosis.inputs.machine import check_given, lay_over
 from torch_activegp.diagnosis.inputs.runs import Channels, median_step
 from torch_activegp.diagnosis.inputs.source import Source, read_source
+from torch_activegp.diagnosis.inputs.wrong_controls import doubt_controls
 from torch_activegp.diagnosis.inputs.wrong_units import check_units
 from torch_activegp.diagnosis.noise.floor import noise_floor
 from torch_activegp.diagnosis.preparation.missing_rows import with_missing_controls
@@ -38,7 +39,7 @@ def evaluate(model: object, recordings: Sequence[Recording], nthread: int = 0) -
     Returns:
         ``one_step`` (0.1 s ahead of what was shown) and ``free_run`` (a whole run from a fitted initial state),
         each with the ``error`` and what ``noise`` alone would leave; ``runs``, the same for each run and channel; and
-        ``notes``, what was decided about the recordings, in sentences.
+        ``notes``, what was decided about the recordings, and controls whose unit or sign is doubted, in sentences.
 
     Raises:
         DataError: no recordings, or one that does not fit the model, does not move or seems to be in another unit.
@@ -55,7 +56,7 @@ def evaluate(model: object, recordings: Sequence[Recording], nthread: int = 0) -
     candidate = NOMINAL if effects is None else effects.candidate
     engine: Engine
     if source.box is None:
-        doubts = check_units(source.model, channels, runs)
+        doubts = [*check_units(source.model, channels, runs), *doubt_controls(source.model, channels, runs)]
         if effects is None:
             engine = Engine(source.model, channels, substeps_for(source.model, runs), nthread)
         else:
