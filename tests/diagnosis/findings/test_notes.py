@@ -81,3 +81,12 @@ def test_a_rest_that_counts_as_process_noise_is_told(bench, density: float, name
     for note in told:
         assert note.startswith("joint:hip") and "0.3 rad/s2/sqrt(Hz)" in note
         assert float(note.split(" leaves ")[1].split()[0]) == pytest.approx(left, rel=0.02)
+
+
+@pytest.mark.parametrize(("left", "told"), [(99.0, False), (101.0, True)])
+def test_where_nothing_comes_near_signs_and_units_are_named(bench, left: float, told: bool) -> None:
+    far = dataclasses.replace(bench.nominal, chi2=left * bench.shooting.dof)
+    selection = Selection(far, [far], Score(bench.shooting.samples, 5, 1.0))
+    found = Explanation(bench.engine, bench.shooting, selection, (), fine=False)
+    assert any("signs and units" in note for note in search_notes(found, bench.machine.model, ())) is told
+    assert search_notes(found, bench.machine.model, (bench.effect("viscous_friction"),)) == []

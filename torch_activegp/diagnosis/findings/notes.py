@@ -33,6 +33,9 @@ _CUT_SHORT = (
     "others in their place, were not all tried."
 )
 
+_FAR = 100.0
+"""Times the noise: a carriage's positions in cm, read in mm, left 2430, and nothing said what to look at."""
+
 
 def search_notes(explanation: Explanation, model: mujoco.MjModel, corrected: Sequence[Effect]) -> list[str]:
     """What to know of the numerics, of the part of the data that was used, and of a search that was cut short.
@@ -49,6 +52,18 @@ def search_notes(explanation: Explanation, model: mujoco.MjModel, corrected: Seq
         *_hidden_notes(corrected),
         *_process_notes(explanation, corrected),
         *_one_way_notes(explanation.effects),
+        *([] if corrected else _far_notes(explanation)),
+    ]
+
+
+def _far_notes(explanation: Explanation) -> list[str]:
+    """What to look at first where no effect comes near the recordings."""
+    left = explanation.selection.best.chi2 / explanation.shooting.dof
+    if left < _FAR:
+        return []
+    return [
+        f"All that was tried leaves {left:.3g} times the noise (chi2 per dof). Look at signs and units in the column "
+        "map first: those of controls, and slips of ten such as cm for mm, are not always recognised."
     ]
 
 
