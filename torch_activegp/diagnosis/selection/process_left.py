@@ -34,7 +34,7 @@ def process_behind(shooting: Shooting, nominal: Fit, best: Fit) -> NoiseModel | 
     No law is all of a real machine. On a drive (EMPS) the right names left 60 times the noise of its encoder, half a
     thousandth of the mismatch. Weighed as noise of positions, that moved parameters by 2 to 7 % from its authors', and
     a static friction that is not there seemed certain; as a random force, for which inverse dynamics by least squares
-    takes it, by 1 %, and nothing else gained.
+    takes it, by 1 to 3 %, and nothing else gained.
 
     Joints behind a filter keep their noise as it is.
 
