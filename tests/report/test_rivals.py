@@ -52,6 +52,17 @@ def test_what_holds_the_verdict_and_more_is_no_rival_of_it(fakes: Any) -> None:
     assert section.heading.endswith("the next rival is 14 points worse")
 
 
+def test_where_nothing_is_named_the_next_one_is_told_that_leaves_more() -> None:
+    effect = {"name": "cogging", "target": "joint:elbow"}
+    scores = [([], 0.0, 1.0), ([effect], 12.0, 0.99), ([effect | {"name": "joint_stop"}], 15.0, 1.1)]
+    names = ("effects", "delta_bic", "chi2_per_dof")
+    found = [dict(zip(names, each, strict=True)) for each in scores]
+    section = rivals({"verdict": "none", "effects": [], "rivals": found}, {})
+    assert section is not None
+    assert section.heading == "No effect improves on the simulator: the best is 15 points worse"
+    assert [row["word"] for row in section.content["rows"]] == ["", "fits as well, costs more", "ruled out"]
+
+
 def test_all_that_tie_are_marked(fakes: Any) -> None:
     assert [row["tag"] for row in rivals(*fakes["tie"]()).content["rows"]] == ["tied", "tied", "", ""]
 

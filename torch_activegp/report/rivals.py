@@ -34,7 +34,7 @@ def rivals(diagnosis: Values, evidence: Values) -> Section | None:
             row["tag"] = _TAGS[diagnosis["verdict"]]
         elif _fits_as_well(rival, found[0]) and (_gap(rival, found[0]) or 0.0) > _TIE:
             row["word"] = _DEARER
-        elif _key(rival["effects"]) > _key(found[0]["effects"]) and found[0]["effects"]:
+        elif _holds(rival, found[0]):
             row["word"] = _NEEDLESS
         if stands_in and (_gap(rival, found[0]) or 0.0) > _TIE:
             row["word"] = _SAME
@@ -48,8 +48,7 @@ def _heading(diagnosis: Values, found: list[Values], named: frozenset[Any]) -> s
     if diagnosis["verdict"] == "unknown":
         return "The best known explanation is not good enough"
     others = [rival for rival in found if _key(rival["effects"]) != named]
-    other = [rival for rival in others if not (_fits_as_well(rival, found[0]) or _key(rival["effects"]) > named)]
-    others = (other if named else []) or others
+    others = [r for r in others if not (_fits_as_well(r, found[0]) or _holds(r, found[0]))] or others
     gap = _gap(others[0], found[0]) if others and _key(found[0]["effects"]) == named else None
     if gap is None:
         return "The explanations compared"
@@ -62,6 +61,11 @@ def _fits_as_well(rival: Values, best: Values) -> bool:
     """Whether another explanation leaves no more: what it is behind is the price of its names."""
     here, there = rival.get("chi2_per_dof"), best.get("chi2_per_dof")
     return rival is not best and is_number(here) and is_number(there) and here <= there * (1.0 + _ROUNDING)
+
+
+def _holds(rival: Values, best: Values) -> bool:
+    """Whether another explanation has all effects of the best one, where that has any, and something else."""
+    return bool(best["effects"]) and _key(rival["effects"]) > _key(best["effects"])
 
 
 def _row(rival: Values, best: Values, named: frozenset[Any]) -> dict[str, Any]:
