@@ -10,6 +10,7 @@ from torch_activegp.diagnosis.preparation.telling import CREEPS
 from torch_activegp.diagnosis.selection.compared import Selection
 from torch_activegp.diagnosis.selection.development import expand
 from torch_activegp.diagnosis.selection.proposals import Set
+from torch_activegp.diagnosis.shooting.fit import Fit
 from torch_activegp.diagnosis.shooting.likelihood import Shooting
 from torch_activegp.diagnosis.simulation.engine import Engine
 from torch_activegp.physics.effect import Effect
@@ -62,13 +63,17 @@ def in_short_steps(
     end, known = sharp.work + _WORK, found.best
     bare = sharp.fit([((), ())], found.nominal.starts, CREEPS)[0]
     tried = Selection(bare, [bare], found.score)
-    if in_vain:
-        expand(tried, sharp, striking, bare, end)
-    other = sharp.fit([(known.effects, known.values)], known.starts, CREEPS)[0]
+    begin = bare if in_vain else _again(sharp, known)
     if not in_vain:
-        tried.add([other])
-        expand(tried, sharp, striking, other, end)
+        tried.add([begin])
+    expand(tried, sharp, striking, begin, end)
     best = tried.best
-    if best is other or not best.effects or not found.score(best) < min(found.score(other), found.score(known)):
+    if best is begin or not best.effects or not found.score(best) < found.score(known):
         return None
-    return best.effects, best.values
+    other = _again(sharp, known) if in_vain else begin
+    return (best.effects, best.values) if found.score(best) < found.score(other) else None
+
+
+def _again(sharp: Shooting, known: Fit) -> Fit:
+    """What was found, in the short steps."""
+    return sharp.fit([(known.effects, known.values)], known.starts, CREEPS)[0]
