@@ -93,6 +93,18 @@ def test_a_soft_first_guess_comes_with_a_stop_that_ends_the_motion_on_the_way_th
     assert hard[0] == pytest.approx(stiffness)
 
 
+@pytest.mark.parametrize("kind", [JointStop, LowerJointStop])
+def test_a_stop_further_in_takes_the_same_force_at_the_end(bench: Any, kind: Any) -> None:
+    stop = kind.at(bench.shoulder, bench.model)
+    values, width = np.array([100.0, 3.0, stop.end - 0.1]), np.ptp(bench.shoulder.position)
+    for further, share in zip(stop.further_in(values), (0.01, 0.02), strict=True):
+        assert further[2] == pytest.approx(values[2] - share * width)
+        assert further[0] * (stop.end - further[2]) == pytest.approx(10.0)
+        assert further[1] / np.sqrt(further[0]) == pytest.approx(0.3)  # as much of the critical damping
+    lowest = np.array([100.0, 3.0, stop.parameters[2].low + 0.015 * width])
+    assert len(stop.further_in(lowest)) == 1
+
+
 def test_a_stop_springs_back(bench: Any) -> None:
     stop = JointStop.at(bench.shoulder, bench.model)
     critical = 2.0 * np.sqrt(100.0 * stop.inertia)

@@ -224,6 +224,10 @@ class Effect:
         """Further values ``(P,)`` worth starting a fit from, where first-order values ``(P,)`` may lead nowhere."""
         return []
 
+    def further_in(self, values: Array) -> list[Array]:
+        """Values ``(P,)`` for what is struck earlier on the way than with these, ``(P,)``; none where nothing is."""
+        return []
+
     def taking_over(self, other: Effect, values: Array) -> Array:
         """Values ``(P,)`` with which this form of a name begins in place of another form with some values.
 

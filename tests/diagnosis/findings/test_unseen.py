@@ -90,6 +90,16 @@ def test_one_run_that_is_forecast_worse_than_without_names_refutes_them(before, 
 
 
 @pytest.mark.parametrize(
+    ("step", "lost"), [((0.93, 1.36), True), ((1.34, 1.36), False), ((0.9, 1.1), False), ((2.0, 1.0), False)]
+)
+def test_uncertain_parameters_excuse_no_run_that_is_forecast_worse_by_one_step_too(step, lost: bool) -> None:
+    better = [{**entry, "run": "other"} for entry in said(28.0, 4.9)]
+    why = refutation([*said(1.1, 7.8, step), *better], lambda: 9e-3)
+    assert (why is not None) is lost
+    assert why is None or why.startswith("not kept")
+
+
+@pytest.mark.parametrize(
     ("before", "expected", "lost"),
     [(30.0, 0.0, True), (30.0, 1.4, True), (30.0, 1.6, False), (12.1, 1.6, False), (11.9, 1.6, True)],
 )

@@ -145,28 +145,16 @@ def test_a_law_that_contains_that_of_the_best_set_is_tried_in_its_place(
         assert work == 7e6
 
 
-def test_the_best_of_new_sets_are_chained(bench, monkeypatch) -> None:
-    """Where a machine strikes, the right one may leave more than a wrong one, in a single segment."""
-    wet, drag, push = (bench.fit(name, 0.02) for name in ("viscous_friction", "quadratic_drag", "constant_force"))
-    chosen = Selection(bench.nominal, [bench.nominal, push], Score(bench.shooting.samples, 60, 1.0))
-    better = dataclasses.replace(drag, chi2=wet.chi2 - 50.0)
-    asked: list = []
-    monkeypatch.setattr(module, "chained", lambda _, fit: asked.append(fit) or (better if fit is drag else fit))
-    monkeypatch.setattr(module, "compare", lambda shooting, selection, *_, **__: selection.add([wet, drag]))
-    sets = [(fit.effects, fit.values) for fit in (wet, drag)]
-    touches = np.arange(300) < 6
-    monkeypatch.setattr("torch_activegp.diagnosis.simulation.touching.poses_that_touch", lambda *_: (touches, touches))
+def test_new_sets_are_looked_at_behind_impacts(bench, monkeypatch) -> None:
+    fits = [bench.fit(name, 0.02) for name in ("viscous_friction", "quadratic_drag")]
+    chosen = Selection(bench.nominal, [bench.nominal], Score(bench.shooting.samples, 60, 1.0))
+    sets, asked = [(fit.effects, fit.values) for fit in fits], list[tuple]()
+    monkeypatch.setattr(module, "compare", lambda *_, **__: None)
     monkeypatch.setattr(module, "_proposals", lambda *_: sets)
-    monkeypatch.setattr(module, "heat", lambda *_: Heat(sets, np.stack([bench.nominal.starts] * 2)))
-    expand(chosen, bench.shooting, bench.effects, bench.nominal)
-    assert asked == [wet, drag]  # the push is not new
-    assert chosen.best is better
-    assert len(chosen.fits) == 5
-    asked.clear()
-    expand(chosen, bench.shooting, bench.effects, bench.nominal, bench.shooting.work)  # no time is left
-    touches &= False
-    expand(chosen, bench.shooting, bench.effects, bench.nominal)  # nothing is struck
-    assert asked == []
+    monkeypatch.setattr(module, "heat", lambda *_: Heat(sets[:1], np.stack([bench.nominal.starts])))
+    monkeypatch.setattr(module, "behind_impacts", lambda *args: asked.append(args))
+    expand(chosen, bench.shooting, bench.effects, bench.nominal, 5e6)
+    assert asked == [(chosen, bench.shooting, [frozenset(sets[0][0])], 5e6)]  # those that passed
 
 
 @pytest.mark.parametrize(("fits", "begun"), [(0.0, 3), (4.5, 4), (np.inf, 5)])

@@ -28,7 +28,9 @@ sets never did. A friction that grows with the load was a damping, a gain and a 
 _RUN_SEEN = 2.0
 """The same beyond which the free run of one of several held-out runs got worse, where it was no farther off than the
 mean of the motion: of 234 named sets one had such a run, a cogging in three waves and a centre of mass that stood for a
-pocket of negative damping, with 1.19 of the error and 5 times the noise in one run, and 0.3 in the other."""
+pocket of negative damping, with 1.19 of the error and 5 times the noise in one run, and 0.3 in the other. Another such
+cogging left 7.8 times the noise where nothing had been off, and 0.18 in the other run; uncertain parameters, which
+excuse so much, did not excuse that one step ahead it was off by 1.36 times the noise, for 0.93."""
 CLEARLY_LESS = 0.75
 """Part of the error without names that a free run may leave where uncertain parameters excuse it."""
 _MEAN = 1.0
@@ -69,7 +71,7 @@ def refutation(entries: Sequence[Mapping[str, Any]], expected: Callable[[], floa
         far = f"not the held-out ones: {what} with them are off by {after:.3g} of the motion"
         if kind == "free_run" and _are_lost(entries, expected):
             return f"{far}, {after / noise:.0f} times the noise"
-        if after > WORSE * before and after > SEEN * noise and not (kind == "one_step" and _come_nearer(entries)):
+        if after > max(WORSE * before, SEEN * noise) and not (kind == "one_step" and _come_nearer(entries)):
             return f"{far}, and by {before:.3g} without"
     return _one_is_worse(entries, expected)
 
@@ -78,12 +80,19 @@ def _one_is_worse(entries: Sequence[Mapping[str, Any]], expected: Callable[[], f
     """The run whose moving joints are forecast worse than without the names, in words; None where none is."""
     moving = [entry for entry in entries if entry["free_run"]["noise"] < _MEAN]
     for run in dict.fromkeys(entry["run"] for entry in moving):
-        before, after, noise = _errors([entry for entry in moving if entry["run"] == run], "free_run")
+        own = [entry for entry in moving if entry["run"] == run]
+        before, after, noise = _errors(own, "free_run")
         worse = before < _MEAN and after > max(WORSE * before, _RUN_SEEN * noise)
-        if worse and after > _RUN_SEEN * math.hypot(noise, expected()):
+        if worse and (_is_worse_ahead(own) or after > _RUN_SEEN * math.hypot(noise, expected())):
             off = f"off by {after:.3g} of the motion" if after < FAILED else "lost"
             return f"not {run}: its free run with them is {off}, and off by {before:.3g} without"
     return None
+
+
+def _is_worse_ahead(entries: Sequence[Mapping[str, Any]]) -> bool:
+    """Whether forecasts by one step are worse with the names, too."""
+    before, after, noise = _errors(entries, "one_step")
+    return after > max(WORSE * before, SEEN * noise)
 
 
 def _are_lost(entries: Sequence[Mapping[str, Any]], expected: Callable[[], float]) -> bool:

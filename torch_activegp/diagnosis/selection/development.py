@@ -10,6 +10,7 @@ import numpy as np
 
 from torch_activegp.diagnosis.selection.compared import NEARLY, Effort, Selection, compare
 from torch_activegp.diagnosis.selection.heats import CLOSE, heat, seen_on
+from torch_activegp.diagnosis.selection.impacts import behind_impacts
 from torch_activegp.diagnosis.selection.more_axes import in_more_axes
 from torch_activegp.diagnosis.selection.proposals import (
     MOST,
@@ -30,11 +31,10 @@ from torch_activegp.diagnosis.selection.repeated import repeated
 from torch_activegp.diagnosis.selection.screening import Atom, Screen, allowed, screen
 from torch_activegp.diagnosis.selection.stand_ins import forms_of_parts
 from torch_activegp.diagnosis.selection.tuning import beside, undone
-from torch_activegp.diagnosis.shooting.chaining import borrowed, chained
+from torch_activegp.diagnosis.shooting.chaining import borrowed
 from torch_activegp.diagnosis.shooting.fit import Fit
 from torch_activegp.diagnosis.shooting.likelihood import Shooting
 from torch_activegp.diagnosis.shooting.score import Score
-from torch_activegp.diagnosis.simulation.touching import strikes
 from torch_activegp.physics.effect import Effect
 
 _CHEAP = 60
@@ -45,8 +45,6 @@ _A_FIT, _NO_END = 20.0, 1e6
 _FIRST = 3
 """So many simpler sets, and other forms, are fitted in any case: 17, behind a backlash on an arm of two joints, took
 40 s in short time steps."""
-_CHAINED = 4
-"""So many of the best sets are chained."""
 _ROUNDS, _GLANCE = 20, 5
 _FEW = 0.1
 """Part of the segments, and rounds for the states alone, in which a fit shows that it is led astray."""
@@ -76,23 +74,7 @@ def expand(selection: Selection, shooting: Shooting, effects: Sequence[Effect], 
         begun += new(undone(fit, screened, selection.score.a_parameter * selection.score.scale))
     fresh = heat(shooting, begun, fit, selection.score, work)
     compare(shooting, selection, fresh.sets, fit, Effort(work=work, race=True), below=fit, starts=fresh.starts)
-    _chain(selection, shooting, [frozenset(effects) for effects, _ in fresh.sets], work)
-
-
-def _chain(selection: Selection, shooting: Shooting, new: Sequence[frozenset[Effect]], work: float) -> None:
-    """Chains those of some new sets that are among the best, :func:`chained`, where the machine strikes something.
-
-    A right rotor left 190 more than noise there in one segment that began on the wrong side of an impact, 70 more than
-    a wrong spring, and was never looked at again.
-    """
-    engine = shooting.engine
-    if not strikes(engine.model, engine.channels, shooting.segments.runs):
-        return
-    for fit in selection.ranked()[:_CHAINED]:
-        if frozenset(fit.effects) in new and shooting.work < work:
-            again = chained(shooting, fit)
-            selection.add([] if again is fit else [again])
-    selection.rescale(shooting.dof)
+    behind_impacts(selection, shooting, [frozenset(effects) for effects, _ in fresh.sets], work)
 
 
 def simplify(selection: Selection, shooting: Shooting, effects: Sequence[Effect], work: float = np.inf) -> None:
