@@ -268,7 +268,8 @@ def test_elements_without_a_name_go_by_their_number(bench: Any) -> None:
         ('type="box" size=".1 .2 .15" pos=".2 0 0" euler="0 0 90"', [0.2, 0.0, 0.0]),
         ('type="ellipsoid" size=".1 .05 .3" pos="0 0 -.2"', [0.0, 0.0, -0.3]),
         ('type="capsule" size=".05 .2" pos="0 0 -.2"', [0.0, 0.0, -0.2]),
-        ('type="sphere" size=".1" pos="0 0 -.2"', [0.0, 0.0, 0.0]),
+        ('type="sphere" size=".1" pos=".1 0 -.2"', [0.1, 0.0, -0.2]),  # a ball in a hand, which may hold more
+        ('type="sphere" size=".1"', [0.0, 0.0, 0.0]),
     ],
 )
 def test_a_body_ends_where_its_shape_does(shape: str, end: list[float]) -> None:

@@ -167,7 +167,8 @@ def farthest_point(model: mujoco.MjModel, body: int) -> Array:
     """The end of a body that is farthest from its joint: where a tool or a load is mounted.
 
     Of a body without shapes, and without sites and children away from its centre of mass, nothing but its inertia is
-    known: then that of a box with the same.
+    known: then that of a box with the same. A body that ends in its centre of mass, a ball, may carry a load as far
+    beyond that as it is from the joint.
 
     Returns:
         Offset from the body's centre of mass, m, in the body's frame, ``(3,)``.
@@ -184,7 +185,8 @@ def farthest_point(model: mujoco.MjModel, body: int) -> Array:
     joint = model.body_jntadr[body]
     anchor = model.jnt_pos[joint] if joint >= 0 else np.zeros(3)
     rounded = [(round(float(np.linalg.norm(point - anchor)), 6), *np.round(point, 6)) for point in points]
-    return np.asarray(points[rounded.index(max(rounded))] - center, dtype=float)
+    end = np.asarray(points[rounded.index(max(rounded))] - center, dtype=float)
+    return end if np.linalg.norm(end) > _APART else np.asarray(center - anchor, dtype=float)
 
 
 def _ends_of_box(model: mujoco.MjModel, body: int) -> Array:

@@ -113,9 +113,11 @@ class PayloadAside(PayloadMass):
 
     Args:
         own: mass of the body in the model, kg.
+        parent: id of the body that carries this one.
     """
 
     own: float = 0.0
+    parent: int = 0
 
     @classmethod
     def within(cls, place: Place, model: mujoco.MjModel, reach: Array, axes: tuple[int, ...]) -> Self:
@@ -141,6 +143,7 @@ class PayloadAside(PayloadMass):
             body=end.body,
             axes=axes,
             own=float(model.body_mass[place.index]),
+            parent=int(model.body_parentid[place.index]),
         )
 
     def moving(self, mass: float, there: Array, shift: Array) -> Array:

@@ -71,7 +71,7 @@ def test_a_form_that_stands_for_itself_is_fitted_once(clean, forms, monkeypatch,
     """It has no correction that could be taken anew where its fit has ended."""
     few, _, many = forms
     count, fit = [], Shooting.fit
-    monkeypatch.setattr(agreement, "chained", lambda _, judged, rest: judged)
+    monkeypatch.setattr(agreement, "chained", lambda _, judged, *__: judged)
     monkeypatch.setattr(Shooting, "fit", lambda *a, **k: count.append(1) or fit(*a, **k))
     far = dataclasses.replace(clean.nominal, chi2=1e6)
     agreement.settled(dataclasses.replace(clean.shooting, engine=many if own else few), many, far)

@@ -146,8 +146,9 @@ def test_a_hopeless_form_is_given_up_after_one_fit(clean, monkeypatch) -> None:
     shooting = truth_of(clean, made, "fine", 0.1)
     settled = []
 
-    def listen(working, judged, rest):
+    def listen(working, judged, rest, rounds):
         assert not rest  # nothing sticks
+        assert rounds == agreement._CREEPS
         settled.append(judged.chi2 / working.dof)
         return judged
 
@@ -483,7 +484,7 @@ def test_rest_is_tried_again_where_something_may_hold_a_joint(
 ) -> None:
     seen: list[bool] = []
 
-    def listen(shooting, fit, rest=True):
+    def listen(shooting, fit, rest=True, rounds=60):
         seen.append(rest)
         return fit
 

@@ -44,7 +44,7 @@ def test_what_stands_out_nowhere_is_left_alone(bench) -> None:
     assert chained(bench.shooting, fit) is fit
 
 
-def test_a_set_of_effects_is_fitted_again_behind_better_states(bench) -> None:
+def test_a_set_of_effects_is_fitted_again_behind_better_states(bench, monkeypatch) -> None:
     fit = bench.fit("viscous_friction", 0.05)
     last = bench.segments.size - 1
     begun = fit.starts.copy()
@@ -55,6 +55,15 @@ def test_a_set_of_effects_is_fitted_again_behind_better_states(bench) -> None:
     again = chained(bench.shooting, stuck)
     assert again.chi2 == pytest.approx(fit.chi2, rel=1e-3)
     np.testing.assert_allclose(again.values[0], fit.values[0], rtol=1e-3)
+    rounds, real = list[int](), Shooting.fit
+
+    def fitted(self, sets, starts, *most, **how):
+        rounds.extend(most)
+        return real(self, sets, starts, *most, **how)
+
+    monkeypatch.setattr(Shooting, "fit", fitted)
+    chained(bench.shooting, stuck, rounds=7)
+    assert rounds == [7]
 
 
 @pytest.mark.parametrize(("louder", "freed"), [(1.0, True), (1.6, False)])

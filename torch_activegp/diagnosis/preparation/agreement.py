@@ -107,7 +107,7 @@ def settled(
         near = judged.chi2 < _MUCH * working.dof and changed > 0.0
         if abs(changed) < _SETTLED * judged.chi2 or (number and not near):
             break
-    return working, chained(working, judged, rest) if np.isfinite(judged.chi2) else judged
+    return working, chained(working, judged, rest, _CREEPS) if np.isfinite(judged.chi2) else judged
 
 
 def is_close(working: Shooting, judged: Fit, exact: Fit | Engine, carried: bool = False) -> bool:

@@ -8,6 +8,7 @@ import numpy as np
 
 from torch_activegp.diagnosis.inputs.runs import Array
 from torch_activegp.physics.actuation import ActuatorBias
+from torch_activegp.physics.body import AXES
 from torch_activegp.physics.effect import Effect
 from torch_activegp.physics.inertia import CenterOfMassOffset, GravityError
 from torch_activegp.physics.payload import PayloadAside, PayloadMass
@@ -107,8 +108,14 @@ def push(effect: Effect, value: Array, target: str) -> float:
 
 
 def _loads_elsewhere(pairs: Sequence[Pair], effects: Sequence[Effect]) -> list[list[Pair]]:
-    """A load at another place instead of a load and another centre of mass of the body that carries it."""
+    """A load at another place instead of a load and another centre of mass of the body that carries it.
+
+    Or on the body before or after, from its centre on: aside on an arm's hand, it stood at the end of the wrist, and
+    the wrist's centre of mass was off.
+    """
     out: list[list[Pair]] = []
+    anywhere = [form for form in effects if isinstance(form, PayloadAside) and len(form.axes) == len(AXES)]
+    held = {effect.key for effect, _ in pairs}
     for load, mass in pairs:
         forms = [form for form in effects if form.key == load.key and isinstance(form, PayloadAside)]
         for shift, by in pairs if load.name == "payload_mass" and mass[0] > 0.0 else ():
@@ -120,4 +127,9 @@ def _loads_elsewhere(pairs: Sequence[Pair], effects: Sequence[Effect]) -> list[l
             others = [(e, v) for e, v in pairs if e is not load and e is not shift]
             fitting = [form for form in forms if set(shift.axes) <= set(form.axes)]
             out += [[*others, (form, form.moving(float(mass[0]), there, moved))] for form in fitting]
+            ids = {form.body for form in anywhere if form.key == load.key}
+            parents = {form.parent for form in anywhere if form.body in ids}
+            beside = [form for form in anywhere if form.parent in ids or form.body in parents]
+            center = np.array([mass[0], *[0.0] * len(AXES)])
+            out += [[*others, (form, center)] for form in beside if form.key not in held]
     return out

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from torch_activegp.diagnosis.inputs.runs import Array
 from torch_activegp.diagnosis.shooting.fit import Fit
-from torch_activegp.diagnosis.shooting.likelihood import Shooting
+from torch_activegp.diagnosis.shooting.likelihood import ROUNDS, Shooting
 from torch_activegp.diagnosis.shooting.point import total
 
 _STANDS_OUT = 3.0
@@ -23,7 +23,7 @@ _STEPS = 8
 _BETTER = 0.5
 
 
-def chained(shooting: Shooting, fit: Fit, rest: bool = True) -> Fit:
+def chained(shooting: Shooting, fit: Fit, rest: bool = True, rounds: int = ROUNDS) -> Fit:
     """The fit with segments that stand out begun where the segments before them lead, or at rest, where that is better.
 
     The speed at an impact is not what a smoothed recording shows, and no derivative leads from one side of an impact to
@@ -34,6 +34,7 @@ def chained(shooting: Shooting, fit: Fit, rest: bool = True) -> Fit:
         shooting: the likelihood.
         fit: of any set.
         rest: whether it is begun at rest too.
+        rounds: of the fit to all segments in the end, at most.
     """
     before = fit
     for number in range(_ROUNDS):
@@ -47,7 +48,7 @@ def chained(shooting: Shooting, fit: Fit, rest: bool = True) -> Fit:
             break
     if fit is before or not fit.effects:
         return fit
-    return shooting.fit([(fit.effects, fit.values)], fit.starts, near=fit)[0]
+    return shooting.fit([(fit.effects, fit.values)], fit.starts, rounds, near=fit)[0]
 
 
 def stands_out(shooting: Shooting, fit: Fit) -> NDArray[np.bool_]:
