@@ -134,13 +134,15 @@ def test_a_load_and_another_centre_may_be_a_load_on_the_body_before_or_after() -
     model = mujoco.MjModel.from_xml_string(f"<mujoco><worldbody>{chain}{aside}{'</body>' * 5}</worldbody></mujoco>")
     places = {i: Place(f"body:{model.body(i).name}", i) for i in range(1, model.nbody)}
     anywhere = [PayloadAside.within(place, model, REACH, (0, 1, 2)) for place in places.values()]
-    forms = [*anywhere, PayloadAside.within(places[3], model, REACH, (0, 1))]
+    plane = PayloadAside.within(places[3], model, REACH, (0, 1))
+    forms = [*anywhere, plane]
     load, shift = PayloadMass.at(places[4], model, REACH, "end"), CenterOfMassOffset.along(places[4], 0.3, 2)
     pairs = [(load, np.array([0.2])), (shift, np.array([0.01]))]
     found = {form: values for [(form, values)] in merged(pairs, forms)}
     assert {form.target for form in found} == {"body:b2", "body:b3", "body:b4"}  # and elsewhere on itself
     for form in (anywhere[2], anywhere[4]):
         np.testing.assert_array_equal(found[form], [0.2, 0.0, 0.0, 0.0])
+    np.testing.assert_array_equal(found[plane], [0.2, 0.0, 0.0])
     held = (CenterOfMassOffset.along(places[1], 0.3, 0), np.array([0.02])), (anywhere[4], np.array([0.1, 0, 0, 0]))
     assert all(rest == list(held) for *rest, _ in merged([*pairs, *held], forms))
     assert anywhere[4] not in {form for *_, (form, _) in merged([*pairs, *held], forms)}

@@ -8,7 +8,6 @@ import numpy as np
 
 from torch_activegp.diagnosis.inputs.runs import Array
 from torch_activegp.physics.actuation import ActuatorBias
-from torch_activegp.physics.body import AXES
 from torch_activegp.physics.effect import Effect
 from torch_activegp.physics.inertia import CenterOfMassOffset, GravityError
 from torch_activegp.physics.payload import PayloadAside, PayloadMass
@@ -114,10 +113,10 @@ def _loads_elsewhere(pairs: Sequence[Pair], effects: Sequence[Effect]) -> list[l
     the wrist's centre of mass was off.
     """
     out: list[list[Pair]] = []
-    anywhere = [form for form in effects if isinstance(form, PayloadAside) and len(form.axes) == len(AXES)]
+    aside = [form for form in effects if isinstance(form, PayloadAside)]
     held = {effect.key for effect, _ in pairs}
     for load, mass in pairs:
-        forms = [form for form in effects if form.key == load.key and isinstance(form, PayloadAside)]
+        forms = [form for form in aside if form.key == load.key]
         for shift, by in pairs if load.name == "payload_mass" and mass[0] > 0.0 else ():
             if not isinstance(shift, CenterOfMassOffset) or shift.target != load.target:
                 continue
@@ -127,9 +126,8 @@ def _loads_elsewhere(pairs: Sequence[Pair], effects: Sequence[Effect]) -> list[l
             others = [(e, v) for e, v in pairs if e is not load and e is not shift]
             fitting = [form for form in forms if set(shift.axes) <= set(form.axes)]
             out += [[*others, (form, form.moving(float(mass[0]), there, moved))] for form in fitting]
-            ids = {form.body for form in anywhere if form.key == load.key}
-            parents = {form.parent for form in anywhere if form.body in ids}
-            beside = [form for form in anywhere if form.parent in ids or form.body in parents]
-            center = np.array([mass[0], *[0.0] * len(AXES)])
-            out += [[*others, (form, center)] for form in beside if form.key not in held]
+            bodies, parents = {form.body for form in forms}, {form.parent for form in forms}
+            beside = [form for form in aside if form.parent in bodies or form.body in parents]
+            starts = (np.array([mass[0], *[0.0] * len(form.axes)]) for form in beside)
+            out += [[*others, pair] for pair in zip(beside, starts, strict=True) if pair[0].key not in held]
     return out
