@@ -268,8 +268,7 @@ def test_elements_without_a_name_go_by_their_number(bench: Any) -> None:
         ('type="box" size=".1 .2 .15" pos=".2 0 0" euler="0 0 90"', [0.2, 0.0, 0.0]),
         ('type="ellipsoid" size=".1 .05 .3" pos="0 0 -.2"', [0.0, 0.0, -0.3]),
         ('type="capsule" size=".05 .2" pos="0 0 -.2"', [0.0, 0.0, -0.2]),
-        ('type="sphere" size=".1" pos=".1 0 -.2"', [0.1, 0.0, -0.2]),  # a ball in a hand, which may hold more
-        ('type="sphere" size=".1"', [0.0, 0.0, 0.0]),
+        ('type="sphere" size=".1" pos="0 0 -.2"', [0.0, 0.0, 0.0]),
     ],
 )
 def test_a_body_ends_where_its_shape_does(shape: str, end: list[float]) -> None:
@@ -278,4 +277,15 @@ def test_a_body_ends_where_its_shape_does(shape: str, end: list[float]) -> None:
     model = mujoco.MjModel.from_xml_string(f"<mujoco><worldbody>{body}</worldbody></mujoco>")
     np.testing.assert_allclose(farthest_point(model, 1), end, atol=1e-9)
     forms = {effect.variant for effect in body_effects(model) if effect.name == "payload_mass"}
-    assert ({"end", "along", "xz"} <= forms) == any(end)
+    assert ({"end", "along"} <= forms) == any(end)
+    assert {"xy", "xz", "yz", "xyz"} <= forms  # a ball has room for a load aside
+
+
+def test_a_load_aside_of_a_ball_is_no_farther_off_than_its_surface_and_a_little() -> None:
+    """A tool aside of the ball that stood for a hand was no load of the hand."""
+    body = '<body name="hand"><joint/><geom type="sphere" size=".1" mass="3" pos="0 0 -1"/></body>'
+    model = mujoco.MjModel.from_xml_string(f"<mujoco><worldbody>{body}</worldbody></mujoco>")
+    effects = {(effect.name, effect.variant): effect for effect in body_effects(model)}
+    for parameter in effects["payload_mass", "xyz"].parameters[1:]:
+        assert (parameter.low, parameter.high) == pytest.approx((-0.12, 0.12))
+    assert effects["center_of_mass_offset", "x"].parameters[0].high == pytest.approx(0.02)

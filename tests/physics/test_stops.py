@@ -103,6 +103,11 @@ def test_a_stop_further_in_takes_the_same_force_at_the_end(bench: Any, kind: Any
         assert further[1] / np.sqrt(further[0]) == pytest.approx(0.3)  # as much of the critical damping
     lowest = np.array([100.0, 3.0, stop.parameters[2].low + 0.015 * width])
     assert len(stop.further_in(lowest)) == 1
+    for place in (stop.end, stop.end + 0.03 * width):  # hardly touched, or read short of it
+        near, far = stop.further_in(np.array([100.0, 3.0, place]))
+        assert (near[0], far[0]) == pytest.approx((50.0, 100.0 / 3.0))
+        assert near[2] == pytest.approx(stop.end - 0.02 * width)
+    assert stop.further_in(np.array([0.0, 0.0, stop.end - 0.1])) == []
 
 
 def test_a_stop_springs_back(bench: Any) -> None:

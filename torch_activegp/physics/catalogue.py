@@ -154,12 +154,16 @@ def body_effects(model: mujoco.MjModel) -> list[Effect]:
         effects.append(PayloadMass.at(place, model))
         effects.append(DensityError.at(place, model))
         reach = farthest_point(model, body)
-        if np.linalg.norm(reach) > _APART and not stays_balanced:
-            effects += [PayloadMass.at(place, model, reach, "end"), PayloadAlong.towards(place, model, reach)]
-            effects += [PayloadAside.within(place, model, reach, axes) for axes in (*_PLANES, _SPACE)]
         size = max(float(np.linalg.norm(reach)), 0.02)
-        if not stays_balanced:
-            effects += [CenterOfMassOffset.along(place, size, *axes) for axes in _AXES]
+        if stays_balanced:
+            continue
+        if ends := bool(np.linalg.norm(reach) > _APART):
+            effects += [PayloadMass.at(place, model, reach, "end"), PayloadAlong.towards(place, model, reach)]
+        radius = float(model.geom_rbound[model.geom_bodyid == body].max(initial=0.0))
+        if ends or radius > _APART:  # a ball has no end, but room for a load aside
+            aside = reach if ends else np.full(3, radius / np.sqrt(3.0))
+            effects += [PayloadAside.within(place, model, aside, axes) for axes in (*_PLANES, _SPACE)]
+        effects += [CenterOfMassOffset.along(place, size, *axes) for axes in _AXES]
     return effects
 
 
@@ -167,8 +171,7 @@ def farthest_point(model: mujoco.MjModel, body: int) -> Array:
     """The end of a body that is farthest from its joint: where a tool or a load is mounted.
 
     Of a body without shapes, and without sites and children away from its centre of mass, nothing but its inertia is
-    known: then that of a box with the same. A body that ends in its centre of mass, a ball, may carry a load as far
-    beyond that as it is from the joint.
+    known: then that of a box with the same.
 
     Returns:
         Offset from the body's centre of mass, m, in the body's frame, ``(3,)``.
@@ -185,8 +188,7 @@ def farthest_point(model: mujoco.MjModel, body: int) -> Array:
     joint = model.body_jntadr[body]
     anchor = model.jnt_pos[joint] if joint >= 0 else np.zeros(3)
     rounded = [(round(float(np.linalg.norm(point - anchor)), 6), *np.round(point, 6)) for point in points]
-    end = np.asarray(points[rounded.index(max(rounded))] - center, dtype=float)
-    return end if np.linalg.norm(end) > _APART else np.asarray(center - anchor, dtype=float)
+    return np.asarray(points[rounded.index(max(rounded))] - center, dtype=float)
 
 
 def _ends_of_box(model: mujoco.MjModel, body: int) -> Array:

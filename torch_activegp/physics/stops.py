@@ -31,7 +31,7 @@ _STICKIEST = 10.0
 """Times the critical damping that a stop may have: one that does not spring back is a damping of a part of the way. On
 a drive with other friction one way than the other (EMPS), a stop without any stiffness stood for that."""
 _EARLIER = (1.0, 2.0)
-"""How much further in a stop is sought, in hundredths of the range."""
+"""How much further in a stop is sought, in hundredths of the range, which is the scale of its place."""
 _IMPEDANCE = 1e-4
 _FAR = 1e4
 
@@ -94,24 +94,24 @@ class JointStop(JointEffect):
         """
         half = np.sqrt(np.maximum(values[0], 0.0) * self.inertia)
         beside = [np.array([values[0], damping, values[2]]) for damping in (half, 2.0 * half) if half > 0.0]
-        hard = self.inertia * (self.speed / self._depth(values)) ** 2
+        depth = max(float(self.end - values[2]), self.parameters[2].scale * _HARDEST)
+        hard = self.inertia * (self.speed / depth) ** 2
         if hard * _SOFT <= values[0]:
             return beside
         return [*beside, np.array([hard, _BOUNCES * np.sqrt(hard * self.inertia), values[2]])]
 
     def further_in(self, values: Array) -> list[Array]:
-        """Earlier on the way, with the same force at its end, and as much of the critical damping."""
-        depth, place = self._depth(values), self.parameters[2]
-        out = []
-        for deeper in depth + place.scale * np.array(_EARLIER):
+        """Earlier on the way, with the same force at its end, and as much of the critical damping.
+
+        None where it does not push back.
+        """
+        place = self.parameters[2]
+        depth, out = max(float(self.end - values[2]), place.scale), list[Array]()
+        for deeper in depth + place.scale * np.array(_EARLIER) if values[0] > 0.0 else ():
             softer, stop = depth / deeper, self.end - deeper
             if stop > place.low:
                 out.append(np.array([softer * values[0], np.sqrt(softer) * values[1], stop]))
         return out
-
-    def _depth(self, values: Array) -> float:
-        """How far the joint goes past the stop, rad or m."""
-        return max(float(self.end - values[2]), self.parameters[2].scale * _HARDEST)
 
     def force(self, position: Array, velocity: Array, values: Sequence[Array] | Array) -> Array:
         """The law; see :meth:`JointEffect.force`."""

@@ -90,7 +90,8 @@ def test_one_run_that_is_forecast_worse_than_without_names_refutes_them(before, 
 
 
 @pytest.mark.parametrize(
-    ("step", "lost"), [((0.93, 1.36), True), ((1.34, 1.36), False), ((0.9, 1.1), False), ((2.0, 1.0), False)]
+    ("step", "lost"),
+    [((0.93, 1.36), True), ((1.21, 1.33), False), ((3.3, 3.5), False), ((0.9, 1.15), False), ((2.0, 1.0), False)],
 )
 def test_uncertain_parameters_excuse_no_run_that_is_forecast_worse_by_one_step_too(step, lost: bool) -> None:
     better = [{**entry, "run": "other"} for entry in said(28.0, 4.9)]

@@ -8,7 +8,8 @@ import pytest
 from tests.diagnosis.against_a_stop import AT, DAMPING, STIFFNESS, struck_bench
 from torch_activegp.diagnosis.selection import impacts as module
 from torch_activegp.diagnosis.selection.compared import Selection
-from torch_activegp.diagnosis.selection.impacts import behind_impacts, struck_elsewhere
+from torch_activegp.diagnosis.selection.impacts import behind_impacts, with_stops_further_in
+from torch_activegp.diagnosis.shooting.likelihood import Shooting
 from torch_activegp.diagnosis.shooting.score import Score
 
 
@@ -43,36 +44,66 @@ def struck():
     return dataclasses.replace(made, shooting=shooting, nominal=nominal)
 
 
+def stop_of(struck):
+    return next(effect for effect in struck.effects if effect.name == "joint_stop" and effect.variant == "upper")
+
+
 def test_a_stop_that_only_some_segments_reach_is_sought_further_in(struck) -> None:
     """What does not reach it says nothing of it to first order."""
-    stop = next(e for e in struck.effects if e.strikes and e.variant == "upper")
-    deep = struck.shooting.fit([((stop,), (np.array([200.0, DAMPING, 0.64]),))], struck.nominal.starts)[0]
-    assert deep.chi2 > 100.0 * struck.shooting.dof
-    found = struck_elsewhere(struck.shooting, deep)
-    assert found.chi2 < 0.1 * struck.shooting.dof
+    stop, shooting = stop_of(struck), struck.shooting
+    deep = shooting.fit([((stop,), (np.array([200.0, DAMPING, 0.64]),))], struck.nominal.starts)[0]
+    assert deep.chi2 > 100.0 * shooting.dof
+    found = with_stops_further_in(shooting, deep)
+    assert found.chi2 < 0.1 * shooting.dof
     np.testing.assert_allclose(found.values[0], [STIFFNESS, DAMPING, AT], rtol=0.03)
-    assert struck_elsewhere(struck.shooting, found) is found  # nothing stands out
-    assert struck_elsewhere(struck.shooting, struck.nominal) is struck.nominal
+    assert with_stops_further_in(shooting, found) is found  # nothing stands out
+    assert with_stops_further_in(shooting, struck.nominal) is struck.nominal
+
+
+def test_a_stop_stays_where_it_is_no_better_further_in(struck, monkeypatch) -> None:
+    stop = stop_of(struck)
+    fit = struck.shooting.fit([((stop,), (np.array([200.0, DAMPING, 0.64]),))], struck.nominal.starts, rounds=0)[0]
+    worse = dataclasses.replace(fit, chi2=fit.chi2 + 1.0)
+    monkeypatch.setattr(Shooting, "fit", lambda *_, **__: [worse])
+    monkeypatch.setattr(module, "chained", lambda _, end: end)
+    assert with_stops_further_in(struck.shooting, fit) is fit
+
+
+def test_fits_with_a_stop_further_in_end_when_so_much_was_computed(struck, monkeypatch) -> None:
+    stop, asked = stop_of(struck), list[float]()
+    fit = struck.shooting.fit([((stop,), (np.array([200.0, DAMPING, 0.64]),))], struck.nominal.starts, rounds=0)[0]
+    monkeypatch.setattr(Shooting, "fit", lambda *_, work, **__: asked.append(work) or [fit])
+    monkeypatch.setattr(module, "chained", pytest.fail)
+    with_stops_further_in(struck.shooting, fit, struck.shooting.work)
+    assert asked == [struck.shooting.work]
 
 
 def test_of_new_sets_with_a_stop_the_smallest_one_is_tried_with_it_elsewhere(struck, monkeypatch) -> None:
-    """Where another place is what is wrong, further effects stood for that."""
-    stop, wet = (next(e for e in struck.effects if e.name == name) for name in ("joint_stop", "viscous_friction"))
-    values = np.array([200.0, DAMPING, 0.64])
-    pair = struck.shooting.fit([((stop, wet), (values, np.array([0.1])))], struck.nominal.starts, rounds=0)[0]
-    alone = struck.shooting.fit([((stop,), (values,))], struck.nominal.starts, rounds=0)[0]
-    most = struck.nominal.chi2
-    pair, alone, best = (
-        dataclasses.replace(fit, chi2=share * most) for fit, share in ((pair, 0.5), (alone, 0.8), (alone, 0.1))
-    )
-    chosen = Selection(struck.nominal, [struck.nominal, pair, alone], Score(struck.shooting.samples, 60, 1.0))
-    assert chosen.best is pair
+    """Where another place is what is wrong, further effects stood for that. A play is not sought further in."""
+    stop, wet, play = stop_of(struck), *(struck.effect(name) for name in ("viscous_friction", "backlash"))
+    values, starts, most = np.array([200.0, DAMPING, 0.64]), struck.nominal.starts, struck.nominal.chi2
+    sets = [((stop, wet), (values, np.array([0.1]))), ((stop,), (values,)), ((play,), (play.seeds[0],))]
+    fits = [struck.shooting.fit([some], starts, rounds=0, hold=True)[0] for some in sets]
+    pair, alone, gap = (dataclasses.replace(f, chi2=s * most) for f, s in zip(fits, (0.5, 0.8, 0.85), strict=True))
+    best = dataclasses.replace(alone, chi2=0.1 * most)
+
+    def fresh(*more) -> Selection:
+        every = [struck.nominal, pair, alone, gap, *more]
+        return Selection(struck.nominal, every, Score(struck.shooting.samples, 60, 1.0))
+
     tried: list = []
+    chosen, new = fresh(), [frozenset(fit.effects) for fit in (pair, alone, gap)]
+    assert chosen.best is pair
     monkeypatch.setattr(module, "chained", lambda _, fit: fit)
-    monkeypatch.setattr(module, "struck_elsewhere", lambda _, fit: tried.append(fit) or best)
-    behind_impacts(chosen, struck.shooting, [frozenset(fit.effects) for fit in (pair, alone)])
+    monkeypatch.setattr(module, "with_stops_further_in", lambda _, fit, work: tried.append(fit) or best)
+    behind_impacts(chosen, struck.shooting, new)
     assert tried == [alone]
-    assert chosen.best is best
-    behind_impacts(chosen, struck.shooting, [], np.inf)  # none is new
-    behind_impacts(chosen, struck.shooting, [frozenset(alone.effects)], struck.shooting.work)
+    assert chosen.best.chi2 == best.chi2
+    behind_impacts(fresh(), struck.shooting, new[:1])
+    assert tried.pop() is pair
+    behind_impacts(fresh(), struck.shooting, new[2:])
+    behind_impacts(fresh(), struck.shooting, [])
+    behind_impacts(fresh(), struck.shooting, new, struck.shooting.work)
+    still = dataclasses.replace(alone, chi2=0.1 * most, at_rest=True)  # given up where it does nothing
+    behind_impacts(fresh(still), struck.shooting, new[1:2])
     assert tried == [alone]

@@ -6,7 +6,7 @@ import mujoco
 import numpy as np
 import pytest
 
-from torch_activegp.diagnosis.selection.merging import merged, push, pushes_alone, rests_of
+from torch_activegp.diagnosis.selection.merging import loads_beside, merged, push, pushes_alone, rests_of
 from torch_activegp.physics import Place
 from torch_activegp.physics.friction import AsymmetricCoulomb, CoulombFriction
 from torch_activegp.physics.inertia import CenterOfMassOffset, GravityError, pulls_of_gravity
@@ -126,27 +126,30 @@ def test_another_centre_out_of_the_plane_of_a_load_is_a_load_anywhere() -> None:
 
 def test_a_load_and_another_centre_may_be_a_load_on_the_body_before_or_after() -> None:
     """A tool aside of the last link of an arm stood at the end of the link before, with its centre of mass off."""
-    chain = "".join(
-        f'<body name="b{i}" pos="0 0 .2"><joint axis="{i % 2} {1 - i % 2} 0"/><geom size=".04" mass="1" pos=".1 0 0"/>'
-        for i in range(5)
+    own = '<joint axis="0 1 0"/><geom size=".04" mass="1" pos=".1 0 0"/>'
+    names = ["base", "arm", "wrist", "hand"]  # each carries the next one, and the arm a camera too
+    chain = "".join(f'<body name="{name}" pos="0 0 .2">{own}' for name in names)
+    camera = f'<body name="camera" pos="0 0 .2">{own}</body>'
+    xml = f"<mujoco><worldbody>{chain}</body></body>{camera}</body></body></worldbody></mujoco>"
+    model = mujoco.MjModel.from_xml_string(xml)
+    places = {model.body(i).name: Place(f"body:{model.body(i).name}", i) for i in range(1, model.nbody)}
+    anywhere = {name: PayloadAside.within(place, model, REACH, (0, 1, 2)) for name, place in places.items()}
+    plane = PayloadAside.within(places["hand"], model, REACH, (0, 1))
+    forms = [*anywhere.values(), plane]
+    load, shift = (
+        PayloadMass.at(places["wrist"], model, REACH, "end"),
+        CenterOfMassOffset.along(places["wrist"], 0.3, 2),
     )
-    aside = '<body name="other" pos="0 0 .2"><joint/><geom size=".04" mass="1" pos=".1 0 0"/></body>'
-    model = mujoco.MjModel.from_xml_string(f"<mujoco><worldbody>{chain}{aside}{'</body>' * 5}</worldbody></mujoco>")
-    places = {i: Place(f"body:{model.body(i).name}", i) for i in range(1, model.nbody)}
-    anywhere = [PayloadAside.within(place, model, REACH, (0, 1, 2)) for place in places.values()]
-    plane = PayloadAside.within(places[3], model, REACH, (0, 1))
-    forms = [*anywhere, plane]
-    load, shift = PayloadMass.at(places[4], model, REACH, "end"), CenterOfMassOffset.along(places[4], 0.3, 2)
     pairs = [(load, np.array([0.2])), (shift, np.array([0.01]))]
-    found = {form: values for [(form, values)] in merged(pairs, forms)}
-    assert {form.target for form in found} == {"body:b2", "body:b3", "body:b4"}  # and elsewhere on itself
-    for form in (anywhere[2], anywhere[4]):
-        np.testing.assert_array_equal(found[form], [0.2, 0.0, 0.0, 0.0])
-    np.testing.assert_array_equal(found[plane], [0.2, 0.0, 0.0])
-    held = (CenterOfMassOffset.along(places[1], 0.3, 0), np.array([0.02])), (anywhere[4], np.array([0.1, 0, 0, 0]))
-    assert all(rest == list(held) for *rest, _ in merged([*pairs, *held], forms))
-    assert anywhere[4] not in {form for *_, (form, _) in merged([*pairs, *held], forms)}
-    assert merged([(load, np.array([-0.2])), pairs[1]], forms) == []  # what is missing is no load
+    found = {form: values for [(form, values)] in loads_beside(pairs, forms)}
+    assert found.keys() == {anywhere["arm"], anywhere["hand"], plane}
+    for form, values in found.items():
+        np.testing.assert_array_equal(values, [0.2, *[0.0] * len(form.axes)])
+    held = (CenterOfMassOffset.along(places["base"], 0.3, 0), np.array([0.02])), (plane, np.array([0.1, 0.0, 0.0]))
+    [[*rest, (form, _)]] = loads_beside([*pairs, *held], forms)
+    assert (rest, form) == (list(held), anywhere["arm"])  # the hand has one
+    assert loads_beside([(load, np.array([-0.2])), pairs[1]], forms) == []  # what is missing is no load
+    assert loads_beside(pairs[:1], forms) == []
 
 
 def test_a_spring_that_hardly_stiffens_is_a_push(bench) -> None:

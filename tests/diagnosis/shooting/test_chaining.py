@@ -12,7 +12,7 @@ from torch_activegp.diagnosis.inputs.machine import make_machine
 from torch_activegp.diagnosis.inputs.segments import cut
 from torch_activegp.diagnosis.noise.model import NoiseModel
 from torch_activegp.diagnosis.shooting.chaining import _at_rest, borrowed, chained
-from torch_activegp.diagnosis.shooting.likelihood import Shooting
+from torch_activegp.diagnosis.shooting.likelihood import ROUNDS, Shooting
 from torch_activegp.diagnosis.simulation.engine import Engine
 
 NOISE = 2e-4
@@ -55,15 +55,15 @@ def test_a_set_of_effects_is_fitted_again_behind_better_states(bench, monkeypatc
     again = chained(bench.shooting, stuck)
     assert again.chi2 == pytest.approx(fit.chi2, rel=1e-3)
     np.testing.assert_allclose(again.values[0], fit.values[0], rtol=1e-3)
-    rounds, real = list[int](), Shooting.fit
+    asked, real = list[int](), Shooting.fit
 
-    def fitted(self, sets, starts, *most, **how):
-        rounds.extend(most)
-        return real(self, sets, starts, *most, **how)
+    def fitted(self, sets, starts, rounds=ROUNDS, **how):
+        asked.append(rounds)
+        return real(self, sets, starts, rounds, **how)
 
     monkeypatch.setattr(Shooting, "fit", fitted)
     chained(bench.shooting, stuck, rounds=7)
-    assert rounds == [7]
+    assert asked[-1] == 7
 
 
 @pytest.mark.parametrize(("louder", "freed"), [(1.0, True), (1.6, False)])

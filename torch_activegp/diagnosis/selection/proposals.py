@@ -9,7 +9,7 @@ from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 import numpy as np
 
 from torch_activegp.diagnosis.inputs.runs import Array
-from torch_activegp.diagnosis.selection.merging import TWO_SIDED, merged, push, pushes_alone
+from torch_activegp.diagnosis.selection.merging import TWO_SIDED, loads_beside, merged, push, pushes_alone
 from torch_activegp.diagnosis.selection.screening import Atom
 from torch_activegp.diagnosis.shooting.elimination import invert, wald
 from torch_activegp.diagnosis.shooting.fit import Fit
@@ -171,6 +171,7 @@ def simpler(
                 alone = [*others, (law, np.array([value[: effect.linear].mean()]))]
                 plain += [paired([*alone, *more]) for more in ([], *_offset(best, effect, value, effects, free))]
     plain += [*map(paired, [*merged(pairs, effects), *pushes_alone(pairs, effects)]), *_once_less(pairs, effects)]
+    plain += map(paired, loads_beside(pairs, effects))
     fresh = [some for some in _fewer(best, effects, known, free) if not _changes_past(some, best)]
     return fresh + [some for some in plain if known.get(frozenset(some[0]), np.inf) > close]
 
