@@ -6,7 +6,9 @@ import numpy as np
 import pytest
 from scipy.signal import butter, filtfilt, lfilter
 
+from torch_activegp.diagnosis.inputs.segments import cut
 from torch_activegp.diagnosis.noise.model import NoiseModel, colour_scale, high_differences
+from torch_activegp.diagnosis.preparation import noise_left
 from torch_activegp.diagnosis.preparation.noise_left import by_segment, noise_behind, raised, recoloured, rises
 from torch_activegp.diagnosis.selection.omnibus import omnibus
 from torch_activegp.diagnosis.simulation.candidate import NOMINAL
@@ -286,6 +288,35 @@ def test_what_shakes_a_machine_rises_above_the_noise(clean, part: float, seen: b
     phase = rng.uniform(0.0, 2 * np.pi, (shape[0], 1, 1))
     shaken = np.sin(2 * np.pi * 0.15 * np.arange(shape[1])[None, :, None] + phase)
     assert left_behind(clean, 1e-3 * (rng.normal(size=shape) + part * np.sqrt(2.0) * shaken)) == seen
+
+
+@pytest.fixture(scope="module")
+def whole(clean):
+    """The clean bench with runs that are not cut."""
+    segments = cut(clean.machine.fit, 2.0, 0.0)
+    shooting = dataclasses.replace(clean.shooting, segments=segments)
+    nominal = shooting.fit([((), ())], clean.engine.starts(segments))[0]
+    return dataclasses.replace(clean, segments=segments, shooting=shooting, nominal=nominal)
+
+
+@pytest.mark.parametrize(("far", "seen"), [((60,), False), ((60, 150), True)])
+def test_what_shakes_a_machine_slowly_is_told_by_longer_lags(whole, monkeypatch, far, seen: bool) -> None:
+    """A pendulum shaken at 5 Hz, recorded at 250 Hz, was said to have noise that a filter would make."""
+    monkeypatch.setattr(noise_left, "_FAR", far)
+    rng, shape = np.random.default_rng(1), bench_exact(whole).shape
+    phase = rng.uniform(0.0, 2 * np.pi, (shape[0], 1, 1))
+    shaken = np.sin(2 * np.pi * 0.028 * np.arange(shape[1])[None, :, None] + phase)
+    noise = lfilter([1.0], [1.0, -0.7], rng.normal(size=shape), axis=1)
+    assert left_behind(whole, 1e-3 * (noise + 3.0 * shaken)) == seen
+
+
+@pytest.mark.parametrize("corner", [0.03, 0.1, 0.7])
+@pytest.mark.parametrize("order", [1, 2, 4])
+def test_noise_rises_nowhere_by_longer_lags_either(whole, order: int, corner: float) -> None:
+    shape = bench_exact(whole).shape
+    white = 1e-3 * np.random.default_rng(0).normal(size=(shape[0], 400 + shape[1], shape[2]))
+    for passed in (lfilter, filtfilt):
+        assert not left_behind(whole, passed(*butter(order, corner), white, axis=1)[:, 200 : 200 + shape[1]])
 
 
 @pytest.mark.parametrize("pole", [0.0, 0.7])
