@@ -83,3 +83,25 @@ def test_a_set_that_is_lost_by_its_own_correction_stays_and_all_do_where_it_is_t
     by_their_own_errors(working, precise.engine, selection)
     assert (wet in selection.fits) is kept
     assert drag in selection.fits
+
+
+@pytest.mark.parametrize(
+    ("gains", "fell"), [((5.0, 3.0, 0.5), 8.0), ((0.5, 9.0), 0.0), ((5.0,) * 5, 15.0), ((-3.0, 9.0), 0.0)]
+)
+def test_a_correction_is_taken_anew_while_a_close_set_gets_better_by_it(bench, forms, monkeypatch, gains, fell) -> None:
+    """Behind a dry friction one correction is not enough; what is far behind is not asked again."""
+    monkeypatch.setattr(module, "_NEAR", 1.0)
+    precise, cheap = forms
+    wet, drag = bench.fit("viscous_friction", 0.06), bench.fit("quadratic_drag", 0.01)
+    drag = dataclasses.replace(drag, chi2=wet.chi2 + 40.0)
+    selection = Selection(bench.nominal, [bench.nominal, wet, drag], Score(precise.samples, 10, 1.0))
+    working, left = cheap.corrected(precise.engine, wet), [0.0, *gains]
+
+    def fit_again(shooting, _, fit):
+        gain = left.pop(0) if fit.effects == wet.effects else 0.0 if fit is drag else 9.0
+        return shooting, dataclasses.replace(fit, chi2=fit.chi2 - gain)
+
+    monkeypatch.setattr(module, "settled", fit_again)
+    by_their_own_errors(working, precise.engine, selection)
+    assert selection.of(wet.effects).chi2 == pytest.approx(wet.chi2 - fell)
+    assert selection.of(drag.effects).chi2 == drag.chi2
