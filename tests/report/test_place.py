@@ -74,10 +74,11 @@ def test_of_many_runs_the_worst_are_shown_in_their_order() -> None:
     assert (times["axis"].low, times["axis"].high) == (0.0, 2.0)
 
 
-@pytest.mark.parametrize("share", [None, 0.4])
-def test_headings_with_little(share: float | None) -> None:
-    section = place({"verdict": "named", "location": [{"target": "world", "share": share}]}, {})
-    assert section.heading in ("The mismatch sits at world", "World carries 40\u00a0% of the mismatch")
+@pytest.mark.parametrize(("share", "q", "told"), [(None, 0.01, False), (0.4, 0.01, True), (0.002, 0.4, False)])
+def test_headings_with_little(share: float | None, q: float, told: bool) -> None:
+    """Of a stop that is struck once no bins of forces show anything."""
+    section = place({"verdict": "named", "location": [{"target": "world", "share": share, "q_value": q}]}, {})
+    assert section.heading == ("World carries 40\u00a0% of the mismatch" if told else "The mismatch sits at world")
     assert place({"verdict": "named"}, {}) is None
 
 

@@ -53,7 +53,7 @@ def _heading(diagnosis: Values) -> str:
         return "Where and when the simulator is wrong"
     first = max(found, key=lambda item: item.get("share") or 0.0)
     share = first.get("share")
-    if not is_number(share):
+    if not is_number(share) or _is_weak(first):
         return f"The mismatch sits at {place_name(first['target'])}"
     return f"{capital(place_name(first['target']))} carries {percent(share)} of the mismatch"
 
@@ -68,8 +68,14 @@ def _row(found: Values, known: Values, seen: Mapping[str, tuple[float, float]]) 
         "width": round(100 * min(1.0, max(0.0, found.get("share") or 0.0)), 1),
         "region": "; ".join(_range(name, ends, known) for name, ends in region.items()) or "everywhere",
         "q": p_value(significant).replace("p", "q", 1) if is_number(significant) else "",
-        "weak": is_number(significant) and significant > _SIGNIFICANT,
+        "weak": _is_weak(found),
     }
+
+
+def _is_weak(found: Values) -> bool:
+    """Whether no bins of forces show it: a named effect alone says where it is."""
+    significant = found.get("q_value")
+    return is_number(significant) and significant > _SIGNIFICANT
 
 
 def _holds(ends: Any, seen: tuple[float, float] | None) -> bool:

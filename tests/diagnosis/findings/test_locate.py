@@ -85,6 +85,20 @@ def test_the_region_of_a_named_effect_is_where_it_acts_as_far_as_that_was_seen(b
         assert list(entry["region"]) == ["qvel.hip"]
 
 
+def test_a_named_effect_has_a_place_though_no_bins_show_it() -> None:
+    """A stop that was struck once in six seconds."""
+    found = [region("hip", [1.0] * 10, "qpos.hip", 12.0, 0.4), region("hip", [1.0] * 10, "qvel.hip", 20.0, 0.3)]
+    (entry,) = entries(found, 1000.0, {"hip": Acting("hip", "qpos.hip", ((8.5, np.inf),))})
+    assert entry == {
+        "target": "joint:hip",
+        "share": pytest.approx(0.002),
+        "region": {"qpos.hip": [8.5, 10.0]},
+        "q_value": 0.4,
+    }
+    assert entries(found, 1000.0, {"hip": Acting("hip", "qpos.hip", ((10.5, np.inf),))}) == []
+    assert entries(found, 1000.0, {"knee": Acting("knee", "qpos.knee", ((8.5, np.inf),))}) == []
+
+
 def test_what_lies_beyond_the_middle_of_the_data_belongs_to_the_outer_bins() -> None:
     """A limit of a drive, or a stop, acts on the last hundredth of the rows, where a histogram has no bin."""
     wide = dataclasses.replace(region("hip", [0, 0, 0, 0, 0, 0, 0, 0, 4.0, 5.0], gain=500.0), reach=(-2.0, 14.0))

@@ -131,7 +131,8 @@ def entries(
     """The ``location`` of ``diagnosis.json``: the best variable of every joint where something is.
 
     The share of a joint is what a force on it alone would explain. A joint where a named effect acts in two intervals
-    has two entries, each with its part of the share; the second ones come last.
+    has two entries, each with its part of the share; the second ones come last. It has them though no bins show it, as
+    of a stop that is struck once: then their ``q_value`` says so.
 
     Args:
         regions: of :func:`locate`.
@@ -140,12 +141,12 @@ def entries(
     """
     out: list[tuple[int, float, dict[str, Any]]] = []
     for joint in dict.fromkeys(region.joint for region in regions):
-        own = [r for r in regions if r.joint == joint and r.adjusted < _RATE]
-        if not own:
+        own, named = [r for r in regions if r.joint == joint and r.adjusted < _RATE], _known(joint, regions, known)
+        if not own and named is None:
             continue
-        best = max(own, key=lambda r: r.gain - len(r.force))
+        best = max(own, key=lambda r: r.gain - len(r.force)) if own or named is None else named[0]
         share = float(np.clip((best.gain - len(best.force)) / max(mismatch, 1e-300), 0.0, 1.0))
-        chosen, within = _known(joint, regions, known) or _local(best, own)
+        chosen, within = named or _local(best, own)
         parts = [chosen.energy(*interval) for interval in within]
         for number, (interval, part) in enumerate(zip(within, parts, strict=True)):
             its = share * (part / sum(parts) if sum(parts) > 0.0 else 1.0 / len(parts))
