@@ -33,6 +33,12 @@ def test_rows(fakes: Any) -> None:
     assert rows[-1]["probability"] == "under\u00a00.1\u00a0%"
 
 
+def test_of_sets_that_are_not_enough_none_is_probable(fakes: Any) -> None:
+    """The best of a search in vain left 2400 times the noise, at 100 %."""
+    rows = rivals(*fakes["unknown"]()).content["rows"]
+    assert {(row["probability"], row["width"]) for row in rows} == {("\u2013", 0.0)}
+
+
 def test_what_fits_as_well_is_not_ruled_out_by_the_recordings(fakes: Any) -> None:
     diagnosis, evidence = fakes["named"]()
     best, second, third, *_ = diagnosis["rivals"]

@@ -254,8 +254,8 @@ def _refuse_unknown(table: pd.DataFrame, where: str) -> None:
         if not is_canonical(name):
             raise DataError(
                 f"{where}: unknown column `{name}`. Columns are `time` [s], `qpos.<joint>`, `qvel.<joint>`, "
-                "`ctrl.<actuator>`, `qfrc.<joint>` and `run`; rename it, or map the columns that you need with a "
-                "column map (--columns MAP.toml), which leaves all others out."
+                "`ctrl.<actuator>`, `qfrc.<joint>` and `run`; rename it, or name the columns that you need in a column "
+                "map (--columns MAP.toml): with one, columns of other names are left out."
             )
 
 

@@ -29,6 +29,8 @@ def rivals(diagnosis: Values, evidence: Values) -> Section | None:
     named = _key([*(diagnosis.get("effects") or []), *along])
     rows = [_row(rival, found[0], named) | _told(rival["effects"], found[0]["effects"], along) for rival in found]
     for row, rival in zip(rows, found, strict=True):
+        if diagnosis["verdict"] == "unknown":  # of sets of which none is enough, none is probable
+            row |= {"probability": percent(None), "width": 0.0}
         stands_in = _stands_in(rival, found[0], diagnosis)
         if row["named"] or stands_in or (diagnosis["verdict"] == "tie" and row["close"]):
             row["tag"] = _TAGS[diagnosis["verdict"]]

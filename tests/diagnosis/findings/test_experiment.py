@@ -65,7 +65,7 @@ def test_rivals_are_told_apart_by_what_they_do_not_share(bench, rivals) -> None:
     both = dataclasses.replace(wet, effects=(*wet.effects, *drag.effects), values=(*wet.values, *drag.values))
     other = dataclasses.replace(bench.effect("viscous_friction"), target="joint:knee")
     elsewhere = dataclasses.replace(wet, effects=(other,))
-    assert (_beyond(both, wet), _beyond(wet, both)) == ("quadratic_drag", "the rest alone")
+    assert (_beyond(both, wet), _beyond(wet, both)) == ("quadratic_drag", "what both share")
     assert _beyond(bench.nominal, wet) == "no effect"
     assert _beyond(wet, elsewhere) == "viscous_friction at joint:hip"
 

@@ -190,7 +190,7 @@ def _beyond(fit: Fit, other: Fit) -> str:
     """What a set has beyond another one, in names, with places where the other one has the name elsewhere."""
     there = {name for name, _ in other.keys - fit.keys}
     words = [f"{name} at {target}" if name in there else name for name, target in sorted(fit.keys - other.keys)]
-    return " + ".join(words) or ("the rest alone" if fit.effects else "no effect")
+    return " + ".join(words) or ("what both share" if fit.effects else "no effect")
 
 
 def _apart(

@@ -62,8 +62,8 @@ def _far_notes(explanation: Explanation) -> list[str]:
     if left < _FAR:
         return []
     return [
-        f"All that was tried leaves {left:.3g} times the noise (chi2 per dof). Look at signs and units in the column "
-        "map first: those of controls, and slips of ten such as cm for mm, are not always recognised."
+        f"All that was tried leaves {left:.3g} times the noise (chi2 per dof). Look at signs and units of the columns "
+        "first: those of controls, and slips of ten such as cm for mm, are not always recognised."
     ]
 
 
