@@ -13,7 +13,7 @@ from torch_activegp.diagnosis.checkpoint import Checkpoint
 from torch_activegp.diagnosis.findings.entries import named_effects, recording_entries, retuned_entries, rival_entries
 from torch_activegp.diagnosis.findings.evidence import laws, map_region, map_time
 from torch_activegp.diagnosis.findings.forecast import compare
-from torch_activegp.diagnosis.findings.late_controls import doubt_rows
+from torch_activegp.diagnosis.findings.late_controls import doubt_rows, doubt_signs
 from torch_activegp.diagnosis.findings.locate import entries, locate, somewhere
 from torch_activegp.diagnosis.findings.notes import search_notes
 from torch_activegp.diagnosis.findings.proposal import propose
@@ -226,11 +226,11 @@ def _report(
 
 
 def _late(explanation: Explanation, judgement: Judgement, say: Tell) -> list[str]:
-    """Whether controls seem to be logged late, where nothing explains the mismatch."""
+    """Whether controls seem to be logged late, or one the other way round, where nothing explains the mismatch."""
     if judgement.verdict != "unknown":
         return []
-    say("looking at the rows of the controls", 0.99)
-    return doubt_rows(explanation)
+    say("looking at rows and signs of the controls", 0.99)
+    return doubt_rows(explanation) or doubt_signs(explanation)
 
 
 def _certain(judgement: Judgement) -> list[tuple[Effect, Array]]:

@@ -6,13 +6,13 @@ import numpy as np
 import pytest
 
 from torch_activegp.diagnosis import diagnose
-from torch_activegp.diagnosis.findings.late_controls import doubt_rows
+from torch_activegp.diagnosis.findings.late_controls import doubt_rows, doubt_signs
 from torch_activegp.diagnosis.noise.model import NoiseModel
 from torch_activegp.diagnosis.selection.compared import Selection
 from torch_activegp.diagnosis.selection.explain import Explanation
 from torch_activegp.diagnosis.shooting.likelihood import Shooting
 from torch_activegp.diagnosis.shooting.score import Score
-from torch_activegp.diagnosis.simulation.candidate import NOMINAL
+from torch_activegp.diagnosis.simulation.candidate import NOMINAL, Candidate
 
 
 def explained(clean, rows: int, driven: bool = True) -> Explanation:
@@ -63,6 +63,27 @@ def test_all_segments_are_fitted_only_where_a_part_of_them_says_so(clean, monkey
 
 def test_nothing_is_said_where_nothing_is_driven(clean) -> None:
     assert doubt_rows(explained(clean, 1, driven=False)) == []
+
+
+@pytest.mark.parametrize(("sign", "loud", "said"), [(-1.0, 0.02, True), (1.0, 0.02, False), (-1.0, 10.0, False)])
+def test_a_control_with_the_other_sign_is_told_though_a_friction_is_missing_too(clean, sign, loud, said: bool) -> None:
+    """Where much is left. The names that came closest explain less than the sign does."""
+    wet, drag = clean.effect("viscous_friction"), clean.effect("quadratic_drag")
+    truth = Candidate((wet,), (np.array([0.06]),))
+    seen = clean.engine.predict(clean.segments, clean.nominal.starts[None], [truth])[0]
+    noise = loud * clean.noise
+    position = seen + noise * np.random.default_rng(0).normal(size=seen.shape)
+    runs = tuple(dataclasses.replace(run, control=sign * run.control) for run in clean.segments.runs)
+    segments = dataclasses.replace(clean.segments, runs=runs, position=position)
+    shooting = Shooting(clean.engine, segments, NoiseModel.white(np.array([noise])))
+    nominal = shooting.fit([((), ())], clean.nominal.starts)[0]
+    named = shooting.fit([((drag,), (np.array([0.01]),))], nominal.starts)[0]
+    selection = Selection(nominal, [nominal, named], Score(shooting.samples, 60, 1.0))
+    found = doubt_signs(Explanation(clean.engine, shooting, selection, (wet, drag), fine=False))
+    assert bool(found) == said
+    if said:
+        assert "Column `ctrl.drive`: the sign seems to be the other way round" in found[0]
+        assert "ctrl.drive = { sign = -1 }" in found[0]
 
 
 def test_a_log_of_commands_that_led_to_their_rows_is_told_first(record, model) -> None:
