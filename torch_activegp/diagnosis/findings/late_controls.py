@@ -64,7 +64,7 @@ def doubt_signs(explanation: Explanation) -> list[str]:
 
     Beside friction and a load that are missing too, the forces that a motion takes do not tell. Behind a motor of an
     arm that was wired the other way round three names left 2400 times the noise; the simulator left 135 thousand, and
-    11 thousand with the control turned.
+    8 thousand with the control turned.
 
     Args:
         explanation: what was found, and how.
@@ -75,10 +75,10 @@ def doubt_signs(explanation: Explanation) -> list[str]:
     shooting, selection = explanation.shooting, explanation.selection
     if selection.best.chi2 < MUCH_LEFT * shooting.dof:
         return []
-    found: list[tuple[float, str]] = []
+    found, parts = list[tuple[float, str]](), _parts(explanation)
     for name, at in _driven(explanation).items():
         turned, left = _with(explanation, functools.partial(_turned, at=at)), np.inf
-        for which in _parts(explanation):
+        for which in parts:
             part = turned.pick(which)  # from the recording: states of a simulator that is so wrong lead nowhere
             left = part.fit([((), ())], part.engine.starts(part.segments))[0].chi2
             if not left < _TURNED * selection.nominal.pick(which).chi2:

@@ -141,10 +141,11 @@ def entries(
     """
     out: list[tuple[int, float, dict[str, Any]]] = []
     for joint in dict.fromkeys(region.joint for region in regions):
-        own, named = [r for r in regions if r.joint == joint and r.adjusted < _RATE], _known(joint, regions, known)
-        if not own and named is None:
+        named = _known(joint, regions, known)
+        own = [r for r in regions if r.joint == joint and r.adjusted < _RATE] or ([named[0]] if named else [])
+        if not own:
             continue
-        best = max(own, key=lambda r: r.gain - len(r.force)) if own or named is None else named[0]
+        best = max(own, key=lambda r: r.gain - len(r.force))
         share = float(np.clip((best.gain - len(best.force)) / max(mismatch, 1e-300), 0.0, 1.0))
         chosen, within = named or _local(best, own)
         parts = [chosen.energy(*interval) for interval in within]

@@ -7,6 +7,7 @@ from collections.abc import Sequence
 import mujoco
 import numpy as np
 
+from torch_activegp.diagnosis.findings.doubts import MUCH_LEFT
 from torch_activegp.diagnosis.inputs.runs import median_step
 from torch_activegp.diagnosis.inputs.segments import Segments
 from torch_activegp.diagnosis.selection.explain import Explanation
@@ -33,9 +34,6 @@ _CUT_SHORT = (
     "others in their place, were not all tried."
 )
 
-_FAR = 100.0
-"""Times the noise: a carriage's positions in cm, read in mm, left 2430, and nothing said what to look at."""
-
 
 def search_notes(explanation: Explanation, model: mujoco.MjModel, corrected: Sequence[Effect]) -> list[str]:
     """What to know of the numerics, of the part of the data that was used, and of a search that was cut short.
@@ -57,9 +55,9 @@ def search_notes(explanation: Explanation, model: mujoco.MjModel, corrected: Seq
 
 
 def _far_notes(explanation: Explanation) -> list[str]:
-    """What to look at first where no effect comes near the recordings."""
+    """What to look at first where no effect comes near: a carriage's positions in cm, read in mm, left 2430."""
     left = explanation.selection.best.chi2 / explanation.shooting.dof
-    if left < _FAR:
+    if left < MUCH_LEFT:
         return []
     return [
         f"All that was tried leaves {left:.3g} times the noise (chi2 per dof). Look at signs and units of the columns "

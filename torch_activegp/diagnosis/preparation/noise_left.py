@@ -131,7 +131,7 @@ def rises(shooting: Shooting, fit: Fit) -> bool:
         shooting: the likelihood.
         fit: of a set.
     """
-    asked = ((left, left.lags(far)) for left in _left(shooting, fit) for far in _FAR)
+    asked = ((left, lags) for left in _left(shooting, fit) for lags in {left.lags(far) for far in _FAR})
     return any(left.rise(lags) > max(_RISES, _CHANCE_RISE * np.sqrt(lags / left.count)) for left, lags in asked)
 
 

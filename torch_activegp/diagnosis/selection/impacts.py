@@ -42,18 +42,19 @@ def behind_impacts(
         return
     engine = shooting.engine
     model_strikes = strikes(engine.model, engine.channels, shooting.segments.runs)
-    stopped: list[Fit] = []
+    stopped, found = list[Fit](), list[Fit]()
     for fit in near:
         if (model_strikes or any(effect.strikes for effect in fit.effects)) and shooting.work < work:
             again = chained(shooting, fit)
-            selection.add([] if again is fit else [again])
+            found += [] if again is fit else [again]
             stopped += [again] if _further_in(again) else []
     if stopped and shooting.work < work:
         smallest = min(stopped, key=lambda fit: len(fit.effects))  # another place needs no more beside it
-        found = with_stops_further_in(shooting, smallest, work)
-        selection.add([] if found is smallest else [found])
-    selection.rescale(shooting.dof)
-    selection.lighten()
+        further = with_stops_further_in(shooting, smallest, work)
+        found += [] if further is smallest else [further]
+    if selection.add(found):
+        selection.rescale(shooting.dof)
+        selection.lighten()
 
 
 def with_stops_further_in(shooting: Shooting, fit: Fit, work: float = np.inf) -> Fit:

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import numpy as np
-
 from torch_activegp.diagnosis.preparation.agreement import settled
 from torch_activegp.diagnosis.selection.compared import Selection
 from torch_activegp.diagnosis.shooting.fit import Fit
@@ -40,11 +38,11 @@ def by_their_own_errors(shooting: Shooting, engine: Engine, selection: Selection
     near = [fit for fit in selection.ranked() if fit.effects and fit.chi2 < most][:_MOST]
     told = [(*settled(shooting, engine, fit), fit.chi2) for fit in near]
     sound = [(working, fit) for working, fit, before in told if fit.chi2 <= (1.0 + _NEAR) * before]
-    least = min((fit.chi2 for _, fit in sound), default=np.inf)
-    sound = [_to_the_end(*one, engine) if one[1].chi2 < least + _CLOSE else one for one in sound]
-    if selection.best.keys not in {fit.keys for _, fit in sound}:
-        return shooting
     known = {fit.keys for _, fit in sound}
+    if selection.best.keys not in known:
+        return shooting
+    close = min(fit.chi2 for _, fit in sound) + _CLOSE
+    sound = [_to_the_end(*one, engine) if one[1].chi2 < close else one for one in sound]
     selection.fits = [*(fit for _, fit in sound), *(fit for fit in selection.fits if fit.keys not in known)]
     selection.forget_parts()
     selection.rescale(shooting.dof)
