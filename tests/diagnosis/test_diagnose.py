@@ -1,5 +1,6 @@
 from __future__ import annotations
 
+import dataclasses
 import json
 from pathlib import Path
 from types import SimpleNamespace
@@ -12,7 +13,8 @@ import pytest
 from torch_activegp.data import Recording
 from torch_activegp.data.balls import balls_model, load_balls
 from torch_activegp.diagnosis import diagnose, evaluate
-from torch_activegp.diagnosis.diagnose import _remainder
+from torch_activegp.diagnosis.diagnose import _forecasts, _remainder
+from torch_activegp.diagnosis.findings.remainder import Outcome, model_remainder
 from torch_activegp.errors import ConfigurationError, DataError
 from torch_activegp.physics import Parameter, Place
 from torch_activegp.physics.friction import write_sharp
@@ -101,6 +103,18 @@ def test_what_is_left_of_a_single_segment_is_not_learned(bench) -> None:
     explanation = SimpleNamespace(shooting=bench.shooting.pick(one), engine=bench.engine)
     judgement = SimpleNamespace(verdict="unknown", white=False, unexplained=1.0)
     assert _remainder(explanation, judgement, bench.nominal.pick(one)) is None
+
+
+@pytest.mark.parametrize("factor", [1.0, -3.0])
+def test_a_learned_force_that_misleads_on_held_out_runs_is_not_handed_out(bench, factor: float) -> None:
+    found = model_remainder(bench.shooting, bench.nominal, ("qpos.hip", "qvel.hip", "ctrl.drive"))
+    effect = dataclasses.replace(found.effect, weights=factor * found.effect.weights)
+    outcome, holdout, (trace, *_) = _forecasts(
+        bench.machine, bench.shooting, bench.engine, bench.nominal, Outcome(effect, found.details)
+    )
+    helps = factor == 1.0
+    assert (outcome.effect is effect, outcome.details["used"]) == (helps, helps)
+    assert ("gp" in holdout["free_run"], trace["gp"] is not None) == (helps, helps)
 
 
 @pytest.mark.parametrize("ball", ["baseball", "golf_ball", "bowling_ball"])

@@ -12,13 +12,13 @@ from torch_activegp.data import Recording
 from torch_activegp.diagnosis.checkpoint import Checkpoint
 from torch_activegp.diagnosis.findings.entries import named_effects, recording_entries, retuned_entries, rival_entries
 from torch_activegp.diagnosis.findings.evidence import laws, map_region, map_time
-from torch_activegp.diagnosis.findings.forecast import compare
+from torch_activegp.diagnosis.findings.forecast import compare, take_out
 from torch_activegp.diagnosis.findings.late_controls import doubt_rows, doubt_signs
 from torch_activegp.diagnosis.findings.locate import entries, locate, somewhere
 from torch_activegp.diagnosis.findings.notes import search_notes
 from torch_activegp.diagnosis.findings.proposal import propose
 from torch_activegp.diagnosis.findings.reconsider import reconsider
-from torch_activegp.diagnosis.findings.remainder import Outcome, model_remainder
+from torch_activegp.diagnosis.findings.remainder import Outcome, misleads, model_remainder
 from torch_activegp.diagnosis.findings.short_steps import numbers_of
 from torch_activegp.diagnosis.findings.unseen import is_predictable, marked
 from torch_activegp.diagnosis.findings.verdict import Verdict, decide
@@ -34,10 +34,12 @@ from torch_activegp.diagnosis.result import Diagnosis, NamedEffect
 from torch_activegp.diagnosis.selection.explain import Explanation, explain
 from torch_activegp.diagnosis.selection.judge import Judgement
 from torch_activegp.diagnosis.shooting.fit import Fit
+from torch_activegp.diagnosis.shooting.likelihood import Shooting
 from torch_activegp.diagnosis.shooting.linearize import linearize
 from torch_activegp.diagnosis.simulation.blackbox_simulator import simulator_with
 from torch_activegp.diagnosis.simulation.candidate import NOMINAL
 from torch_activegp.diagnosis.simulation.correction import Form, corrected_xml
+from torch_activegp.diagnosis.simulation.engine import Engine
 from torch_activegp.diagnosis.simulation.places import effects_for
 from torch_activegp.diagnosis.simulation.saved import saved_files
 from torch_activegp.physics.effect import Effect
@@ -141,11 +143,8 @@ def _report(
     say("forecasting held-out runs", 0.95)
     chosen = judgement.fit if judgement.verdict in ("named", "tie") else nominal
     engine = explanation.engine.without_leapfrog()  # which `corrected.xml` cannot ask of MuJoCo
-    models = {"before": (engine, NOMINAL), "after": (engine, chosen.candidate if chosen.effects else NOMINAL)}
     outcome = None if verdict.unforeseen else _remainder(explanation, judgement, chosen)
-    if outcome is not None and outcome.effect is not None:
-        models["gp"] = (engine, outcome.on(chosen.candidate))
-    holdout, traces = compare(models, machine.holdout, machine.channels.joints, shooting.noise)
+    outcome, holdout, traces = _forecasts(machine, shooting, engine, chosen, outcome)
     starts = [trace["start_after"] for trace in traces[:: len(machine.channels.joints)]]
     wild_notes: list[str] = []
     if judgement.verdict != "unknown":  # of a simulator that is known to be wrong it says nothing
@@ -162,8 +161,8 @@ def _report(
     xml, held, difference = corrected_xml(source.spec, chosen.effects, chosen.values, numerics)
     corrected = simulator_with(source, machine.channels, chosen.candidate, xml if all(held) else None, numerics)
     learned = None
-    if "gp" in models:
-        learned = simulator_with(source, machine.channels, models["gp"][1], None, numerics)
+    if outcome is not None and outcome.effect is not None:
+        learned = simulator_with(source, machine.channels, outcome.on(chosen.candidate), None, numerics)
     numbers, short = numbers_of(explanation.engine, shooting, chosen, xml is not None and all(held))
     named, open_notes = named_effects(explanation, judgement, dict(zip(chosen.effects, held, strict=True)), numbers)
     files: dict[str, str | bytes] = {}
@@ -225,6 +224,20 @@ def _report(
     return Diagnosis(judgement.verdict, words, named, details, evidence, files, corrected, learned, verdict.stability)
 
 
+def _forecasts(
+    machine: Machine, shooting: Shooting, engine: Engine, chosen: Fit, outcome: Outcome | None
+) -> tuple[Outcome | None, dict[str, Any], list[dict[str, Any]]]:
+    """How well held-out runs are forecast, and the traces; without a learned force that misleads there."""
+    models = {"before": (engine, NOMINAL), "after": (engine, chosen.candidate if chosen.effects else NOMINAL)}
+    if outcome is not None and outcome.effect is not None:
+        models["gp"] = (engine, outcome.on(chosen.candidate))
+    holdout, traces = compare(models, machine.holdout, machine.channels.joints, shooting.noise)
+    if outcome is not None and "gp" in models and misleads(holdout):
+        outcome = outcome.withheld()
+        take_out("gp", holdout, traces)
+    return outcome, holdout, traces
+
+
 def _late(explanation: Explanation, judgement: Judgement, say: Tell) -> list[str]:
     """Whether controls seem to be logged late, or one the other way round, where nothing explains the mismatch."""
     if judgement.verdict != "unknown":
@@ -274,5 +287,5 @@ def _remainder_note(outcome: Outcome | None) -> list[str]:
         return []
     return [
         "A Gaussian process of the force that is left, over positions, velocities and controls, did not improve "
-        "forecasts on data kept from its training; it is not used."
+        "forecasts on data kept from its training, or of the held-out runs; it is not used."
     ]

@@ -90,6 +90,15 @@ def test_points_of_a_law_narrower_than_a_bin_lie_along_it(bench) -> None:
     assert np.ptp(drawn) > 0.0
 
 
+def test_the_law_is_drawn_as_far_as_the_machine_went(bench, damped) -> None:
+    """A stop that is met for a moment lies beyond the bins' last edges, which hold the middle 99 %."""
+    left = locate(bench.shooting, damped)
+    (over,) = (region for region in left if (region.joint, region.over) == ("hip", "qvel.hip"))
+    (law,) = laws(bench.engine.channels, left, damped, damped.effects)
+    assert over.reach[1] > over.edges[-1]
+    np.testing.assert_allclose([law["law_x"][0], law["law_x"][-1]], over.bounds[[0, -1]])
+
+
 def test_an_effect_without_a_force_law_has_none(bench) -> None:
     fit = bench.fit("armature_error", 0.01)
     assert laws(bench.engine.channels, locate(bench.shooting, fit), fit, fit.effects) == []

@@ -7,7 +7,7 @@ import pytest
 
 from torch_activegp.diagnosis.findings import forecast
 from torch_activegp.diagnosis.findings.beginnings import Beginnings
-from torch_activegp.diagnosis.findings.forecast import PAD, SEEN, STEP, compare, free_run, one_step
+from torch_activegp.diagnosis.findings.forecast import PAD, SEEN, STEP, compare, free_run, one_step, take_out
 from torch_activegp.diagnosis.inputs.segments import Segments
 from torch_activegp.diagnosis.simulation.candidate import NOMINAL, Candidate
 
@@ -84,6 +84,15 @@ def test_a_model_that_fails_gets_a_huge_error_instead_of_nan(bench) -> None:
     wild = Candidate((bench.effect("linear_spring"),), (np.array([-1e9]),))
     overall, _ = compare({"before": (bench.engine, wild)}, bench.machine.holdout, ["hip"], bench.shooting.noise)
     assert overall["free_run"]["before"] == overall["runs"][0]["free_run"]["before"] == 1e9
+
+
+def test_a_model_that_is_taken_out_leaves_what_the_others_say(bench, truth) -> None:
+    run, noise = bench.machine.holdout[:1], bench.shooting.noise
+    alone, (without,) = compare({"before": (bench.engine, NOMINAL)}, run, ["hip"], noise)
+    overall, (trace,) = compare({"before": (bench.engine, NOMINAL), "gp": (bench.engine, truth)}, run, ["hip"], noise)
+    assert trace["gp"] is not None
+    take_out("gp", overall, [trace])
+    assert (overall, trace) == (alone, without)
 
 
 def test_what_the_first_rows_remember_of_the_time_before_does_not_count(bench, truth) -> None:

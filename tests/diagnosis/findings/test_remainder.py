@@ -13,7 +13,7 @@ import torch
 
 from torch_activegp.diagnosis import Diagnosis, evaluate, load_corrected
 from torch_activegp.diagnosis.findings.forecast import compare
-from torch_activegp.diagnosis.findings.remainder import helps, model_remainder
+from torch_activegp.diagnosis.findings.remainder import helps, misleads, model_remainder
 from torch_activegp.diagnosis.inputs.segments import halve
 
 NAMES = ("qpos.hip", "qvel.hip", "ctrl.drive")
@@ -45,6 +45,18 @@ def test_says_what_it_used_and_on_what_it_was_judged(bench: Any) -> None:
     assert details["used"] is True
     assert set(details["length_scales"]["joint:hip"]) == set(NAMES)
     assert details["chi2_of_kept"]["gp"] < 0.5 * details["chi2_of_kept"]["after"]
+
+
+@pytest.mark.parametrize(("ahead", "freely", "does"), [(1.2, 1.2, True), (0.9, 5.0, False), (5.0, 1.05, False)])
+def test_a_force_misleads_that_forecasts_held_out_runs_worse_in_both_ways(ahead, freely, does: bool) -> None:
+    holdout = {"one_step": {"after": 1.0, "gp": ahead}, "free_run": {"after": 1.0, "gp": freely}}
+    assert misleads(holdout) is does
+
+
+def test_what_misleads_is_withheld_and_said_to_be(bench: Any) -> None:
+    outcome = model_remainder(bench.shooting, bench.nominal, NAMES).withheld()
+    assert outcome.effect is None
+    assert outcome.details["used"] is False
 
 
 def test_halves_the_free_run_error_on_a_run_it_has_not_seen(bench: Any) -> None:

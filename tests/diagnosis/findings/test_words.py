@@ -7,8 +7,9 @@ from torch_activegp.diagnosis.result import Estimate, NamedEffect
 
 CALM = [{"predictable": True}]
 LEFT = {"share": 0.05, "white": True, "chi2_per_dof": 1.0}
+STEP = {"before": 0.09, "after": 0.009, "noise": 0.0085}
 ERROR = {
-    "fit": {"holdout": {"free_run": {"before": 0.1234, "after": 0.01, "noise": 0.009}, "runs": CALM}},
+    "fit": {"holdout": {"free_run": {"before": 0.1234, "after": 0.01, "noise": 0.009}, "one_step": STEP, "runs": CALM}},
     "location": [],
     "unexplained": LEFT,
 }
@@ -61,25 +62,34 @@ def test_unknown_says_what_came_closest(targets, share, ending) -> None:
 
 def test_unknown_says_what_a_learned_force_gains() -> None:
     free = {"before": 1.14, "after": 1.14, "gp": 0.1084, "noise": 0.0024}
-    text = sentence("unknown", (), {**ERROR, "fit": {"holdout": {"free_run": free, "runs": CALM}}})
+    text = sentence("unknown", (), {**ERROR, "fit": {"holdout": {"free_run": free, "one_step": STEP, "runs": CALM}}})
     assert text.endswith(
         "explains it; with a force learned from the recordings (learned.pt) the free-run error on held-out runs goes "
         "from 1.14 to 0.108 (noise 0.0024)."
     )
 
 
+def test_unknown_says_what_a_learned_force_gains_by_one_step_where_free_runs_gain_nothing() -> None:
+    held_out = {
+        "free_run": {"before": 0.8, "after": 0.8, "gp": 1.4, "noise": 0.76},
+        "one_step": {"before": 0.83, "after": 0.83, "gp": 0.71, "noise": 0.7},
+        "runs": CALM,
+    }
+    text = sentence("unknown", (), {**ERROR, "fit": {"holdout": held_out}})
+    assert "the one-step error on held-out runs goes from 0.83 to 0.71" in text
+
+
 def test_where_some_runs_cannot_be_forecast_freely_errors_are_those_by_one_step() -> None:
-    free, step = {"before": 44.8, "after": 34.9, "noise": 0.0085}, {"before": 0.09, "after": 0.009, "noise": 0.0085}
+    free = {"before": 44.8, "after": 34.9, "noise": 0.0085}
     for last, words in ((False, "the one-step error on held-out runs falls from 0.09"), (True, "the free-run error")):
-        held_out = {"free_run": free, "one_step": step, "runs": [{}, {"predictable": last}]}
+        held_out = {"free_run": free, "one_step": STEP, "runs": [{}, {"predictable": last}]}
         assert words in sentence("named", [named("a", 0.9)], {**ERROR, "fit": {"holdout": held_out}})
 
 
 def test_unknown_says_nothing_of_a_learned_force_that_changes_nothing() -> None:
     free = {"before": 1.141, "after": 1.141, "gp": 1.1405, "noise": 0.0024}
-    assert sentence("unknown", (), {**ERROR, "fit": {"holdout": {"free_run": free, "runs": CALM}}}).endswith(
-        "explains it."
-    )
+    fit = {"holdout": {"free_run": free, "one_step": STEP, "runs": CALM}}
+    assert sentence("unknown", (), {**ERROR, "fit": fit}).endswith("explains it.")
 
 
 def test_named_effects_are_listed_with_what_they_explain_together() -> None:

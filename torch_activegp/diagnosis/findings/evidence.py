@@ -86,7 +86,7 @@ def laws(channels: Channels, left: Sequence[Region], fit: Fit, named: Sequence[E
             return _law(effect, values[effect], x, by_position)
 
         amid = 0.5 * (region.edges[:-1] + region.edges[1:])
-        x = np.linspace(region.edges[0], region.edges[-1], 201)
+        x = np.linspace(region.bounds[0], region.bounds[-1], 201)  # a stop is met beyond the last edge
         length = channels.units[channels.joints.index(joint)]
         force = {"rad": "N m", "m": "N"}[length] if "N" in effect.parameters[0].unit else f"{length}/s2"
         out.append(
