@@ -8,7 +8,7 @@ import pytest
 from tests.diagnosis.against_a_stop import AT, DAMPING, STIFFNESS, struck_bench
 from torch_activegp.diagnosis.selection import impacts as module
 from torch_activegp.diagnosis.selection.compared import Selection
-from torch_activegp.diagnosis.selection.impacts import behind_impacts, with_stops_further_in
+from torch_activegp.diagnosis.selection.impacts import behind_impacts, gone_astray, with_stops_further_in
 from torch_activegp.diagnosis.shooting.likelihood import Shooting
 from torch_activegp.diagnosis.shooting.score import Score
 
@@ -32,6 +32,34 @@ def test_the_best_of_new_sets_are_chained_where_a_machine_strikes(bench, monkeyp
     touches &= False
     behind_impacts(chosen, bench.shooting, new)  # nothing is struck
     assert asked == []
+
+
+@pytest.mark.parametrize(
+    ("touches", "few", "behind", "found"),
+    [(True, True, 500.0, True), (False, True, 500.0, False), (True, False, 500.0, False), (True, True, 15.0, False)],
+)
+def test_a_rival_that_one_impact_led_astray_is_fitted_without_it_first(bench, monkeypatch, touches, few, behind, found):
+    """Not one that leaves more everywhere, or hardly more, nor where nothing is struck."""
+    best, other = bench.fit("viscous_friction", 0.05), bench.fit("constant_force", 0.01)
+    size = bench.segments.size
+    excess = np.where(np.arange(size) == 3, behind, 0.0) if few else np.full(size, behind / size)
+    rival = dataclasses.replace(other, per_segment=best.per_segment + excess, chi2=best.chi2 + behind)
+    more = dataclasses.replace(rival, effects=(*best.effects, *other.effects), values=(*best.values, *other.values))
+    chosen = Selection(bench.nominal, [bench.nominal, best, rival, more], Score(bench.shooting.samples, 60, 1.0))
+    places = np.arange(300) < 6 * touches
+    monkeypatch.setattr("torch_activegp.diagnosis.simulation.touching.poses_that_touch", lambda *_: (places, places))
+    asked: list = []
+
+    def fit(shooting, sets, starts):
+        asked.append((shooting.segments.size, sets[0][1][0].tolist(), starts.shape[0]))
+        return [dataclasses.replace(rival, values=(rival.values[0] + 1.0,))]
+
+    monkeypatch.setattr(Shooting, "fit", fit)
+    again = gone_astray(chosen, bench.shooting, best)
+    value, rest = rival.values[0], size - max(size // 10, 1)
+    expected = [(rest, value.tolist(), rest), (size, (value + 1.0).tolist(), size)]
+    assert asked == (expected if found else [])
+    assert len(again) == found
 
 
 @pytest.fixture(scope="module")
