@@ -123,6 +123,7 @@ def _outside(rows: Sequence[Row]) -> list[Line]:
         ("outside of the list: held-out one step halved by what is learned",
          share(bool(ratio <= HALF) for ratio in ratios)),
         ("outside of the list: held-out one step, learned / before", number(ratios)),
+        ("outside of the list: the same, beyond noise", number(row["one_step_unlearned"] for row in outside)),
     ]  # fmt: skip
 
 

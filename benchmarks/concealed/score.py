@@ -15,6 +15,8 @@ from benchmarks.concealed.regions import score_regions
 from benchmarks.concealed.run import digest
 from benchmarks.concealed.values import noise_of, score_values
 
+VISIBLE = 1.05
+"""Times the noise from which on a held-out error shows that something is missing."""
 TUNED = ("viscous_friction", "armature_error", "actuator_gain", "actuator_bias", "constant_force")
 """What may be named beside the truth when the nominal was re-tuned: the tuning itself is wrong there."""
 
@@ -121,7 +123,16 @@ def _forecasts(diagnosis: Mapping[str, Any], oracle: Mapping[str, Any] | None) -
         found[measure] = _ratio(after, values.get("noise"))
         found[f"{measure}_oracle"] = _ratio(after, (best.get(measure) or {}).get("oracle"))
         found[f"{measure}_learned"] = _ratio(values.get("gp", after), values.get("before"))
+        found[f"{measure}_unlearned"] = _beyond_noise(values.get("gp", after), values)
     return found
+
+
+def _beyond_noise(error: float | None, values: Mapping[str, float]) -> float:
+    """What an error is beyond noise over what the nominal's is; NaN where the nominal errs by little but noise."""
+    before, noise = values.get("before"), values.get("noise")
+    if error is None or before is None or noise is None or before < VISIBLE * noise:
+        return float("nan")
+    return float(np.sqrt(max(error**2 - noise**2, 0.0) / (before**2 - noise**2)))
 
 
 def _ratio(value: float | None, reference: float | None) -> float:
