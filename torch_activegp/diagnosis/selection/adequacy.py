@@ -45,11 +45,6 @@ IN_VAIN, SEEN_IN_VAIN = 1.02, 0.03
 leaves noise alone. A friction that grows with the load left 0.09 behind Stribeck friction and a spring, at 50 Hz; what
 is not listed left 1.05 times the noise at least on 20 cases, and a striker's right friction 0.98, with 0.05."""
 
-SEEN_CLEARLY_IN_VAIN = 0.002
-"""And where that is clearly more than noise. A load and a push that stood for a static friction behind four tuned
-values left 1.8 times the noise, 0.006 of the mismatch, and a sensor's delay where a friction of two levels had not
-settled 1.65, 0.003; a right gap 2.3, 0.0001."""
-
 
 def most_left(
     misfit: float,
@@ -79,7 +74,6 @@ def most_left(
         (misfit > CLEAR, SEEN_CLEARLY),
         (misfit > LOUD, SEEN_LOUD),
         (cut_short and misfit > IN_VAIN, SEEN_IN_VAIN),
-        (cut_short and misfit > CLEAR, SEEN_CLEARLY_IN_VAIN),
         (misfit > DOUBLE and whole > MUCH, 0.0),
         (corrections >= CORRECTIONS and missing > A_LITTLE, SEEN_BEHIND_CORRECTIONS),
     )
