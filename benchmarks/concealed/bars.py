@@ -116,14 +116,15 @@ def _wrong(rows: Sequence[Row]) -> list[Line]:
 
 def _outside(rows: Sequence[Row]) -> list[Line]:
     outside = [row for row in rows if row["kind"] == "outside"]
-    ratios = [row["one_step_learned"] for row in outside]
+    ratios, beyond = ([row[f"one_step_learned{which}"] for row in outside] for which in ("", "_beyond_noise"))
+    beyond = [ratio for ratio in beyond if np.isfinite(ratio)]
     return [
         ("outside of the list: unknown", share(row["verdict"] == "unknown" for row in outside)),
         ("outside of the list: a name given", count(outside, "any_wrong")),
         ("outside of the list: held-out one step halved by what is learned",
          share(bool(ratio <= HALF) for ratio in ratios)),
         ("outside of the list: held-out one step, learned / before", number(ratios)),
-        ("outside of the list: the same, beyond noise", number(row["one_step_unlearned"] for row in outside)),
+        ("outside of the list: the same, beyond noise", f"{number(beyond)} (median of {len(beyond)})"),
     ]  # fmt: skip
 
 

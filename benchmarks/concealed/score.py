@@ -123,7 +123,7 @@ def _forecasts(diagnosis: Mapping[str, Any], oracle: Mapping[str, Any] | None) -
         found[measure] = _ratio(after, values.get("noise"))
         found[f"{measure}_oracle"] = _ratio(after, (best.get(measure) or {}).get("oracle"))
         found[f"{measure}_learned"] = _ratio(values.get("gp", after), values.get("before"))
-        found[f"{measure}_unlearned"] = _beyond_noise(values.get("gp", after), values)
+        found[f"{measure}_learned_beyond_noise"] = _beyond_noise(values.get("gp", after), values)
     return found
 
 

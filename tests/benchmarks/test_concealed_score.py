@@ -155,8 +155,8 @@ def test_places_of_actuators_bodies_and_sensors() -> None:
 def test_where_the_nominal_errs_by_noise_nothing_is_said_of_what_was_learned() -> None:
     quiet, below = ({"before": b, "after": b, "gp": g, "noise": 0.05} for b, g in ((0.052, 0.01), (0.4, 0.04)))
     row = score_case(KEY, {**answer(), "fit": {"holdout": {"one_step": quiet, "free_run": below}}})
-    assert np.isnan(row["one_step_unlearned"])
-    assert row["free_run_unlearned"] == 0.0
+    assert np.isnan(row["one_step_learned_beyond_noise"])
+    assert row["free_run_learned_beyond_noise"] == 0.0
 
 
 def test_forecasts_are_set_against_the_oracle_and_the_nominal() -> None:
@@ -166,7 +166,7 @@ def test_forecasts_are_set_against_the_oracle_and_the_nominal() -> None:
     assert row["free_run"] == pytest.approx(6)
     assert row["free_run_oracle"] == pytest.approx(1.2)
     assert row["one_step_learned"] == pytest.approx(0.25)
-    assert row["one_step_unlearned"] == pytest.approx(((0.1**2 - 0.05**2) / (0.4**2 - 0.05**2)) ** 0.5)
+    assert row["one_step_learned_beyond_noise"] == pytest.approx(((0.1**2 - 0.05**2) / (0.4**2 - 0.05**2)) ** 0.5)
     outside = {
         **row,
         "kind": "outside",
@@ -178,6 +178,7 @@ def test_forecasts_are_set_against_the_oracle_and_the_nominal() -> None:
     }
     lines = dict(bars.bars([outside]))
     assert lines["outside of the list: held-out one step halved by what is learned"].startswith("100.0 %")
+    assert lines["outside of the list: the same, beyond noise"] == "0.218 (median of 1)"
 
 
 def test_noise_is_told_in_mrad() -> None:

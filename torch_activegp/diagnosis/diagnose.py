@@ -12,7 +12,7 @@ from torch_activegp.data import Recording
 from torch_activegp.diagnosis.checkpoint import Checkpoint
 from torch_activegp.diagnosis.findings.entries import named_effects, recording_entries, retuned_entries, rival_entries
 from torch_activegp.diagnosis.findings.evidence import laws, map_region, map_time
-from torch_activegp.diagnosis.findings.forecast import compare, take_out
+from torch_activegp.diagnosis.findings.forecast import compare, without_model
 from torch_activegp.diagnosis.findings.late_controls import doubt_rows, doubt_signs
 from torch_activegp.diagnosis.findings.locate import entries, locate, somewhere
 from torch_activegp.diagnosis.findings.notes import search_notes
@@ -233,8 +233,8 @@ def _forecasts(
         models["gp"] = (engine, outcome.on(chosen.candidate))
     holdout, traces = compare(models, machine.holdout, machine.channels.joints, shooting.noise)
     if outcome is not None and "gp" in models and misleads(holdout):
-        outcome = outcome.withheld()
-        take_out("gp", holdout, traces)
+        outcome = outcome.withheld(holdout)
+        holdout, traces = without_model("gp", holdout, traces)
     return outcome, holdout, traces
 
 
@@ -285,7 +285,12 @@ def _held_note(named: Sequence[NamedEffect]) -> list[str]:
 def _remainder_note(outcome: Outcome | None) -> list[str]:
     if outcome is None or outcome.effect is not None:
         return []
+    force = "A Gaussian process of the force that is left, over positions, velocities and controls,"
+    if "withheld" not in outcome.details:
+        return [f"{force} did not improve forecasts on data kept from its training; it is not used."]
+    one, free = (outcome.details["withheld"][kind] for kind in ("one_step", "free_run"))
     return [
-        "A Gaussian process of the force that is left, over positions, velocities and controls, did not improve "
-        "forecasts on data kept from its training, or of the held-out runs; it is not used."
+        f"{force} improved forecasts on data kept from its training, and not those of the held-out runs (one step "
+        f"{one['gp']:.3g} for {one['after']:.3g}, free run {free['gp']:.3g} for {free['after']:.3g}): they go where it "
+        "learned little. It is not used."
     ]

@@ -47,16 +47,37 @@ def test_says_what_it_used_and_on_what_it_was_judged(bench: Any) -> None:
     assert details["chi2_of_kept"]["gp"] < 0.5 * details["chi2_of_kept"]["after"]
 
 
-@pytest.mark.parametrize(("ahead", "freely", "does"), [(1.2, 1.2, True), (0.9, 5.0, False), (5.0, 1.05, False)])
-def test_a_force_misleads_that_forecasts_held_out_runs_worse_in_both_ways(ahead, freely, does: bool) -> None:
-    holdout = {"one_step": {"after": 1.0, "gp": ahead}, "free_run": {"after": 1.0, "gp": freely}}
+@pytest.mark.parametrize(
+    ("ahead", "freely", "does"),
+    [
+        (1.2, 1.2, True),
+        (1.0, 1.0, False),
+        (0.9, 1.1, False),
+        (0.9, 5.0, True),
+        (5.0, 0.9, True),
+        (0.99, 1e9, True),
+        (0.5, 1.5, False),
+        (1.03, 1.03, True),
+    ],
+)
+def test_a_force_misleads_that_forecasts_held_out_runs_worse_in_all(ahead, freely, does: bool) -> None:
+    holdout = {"one_step": {"after": 0.1, "gp": 0.1 * ahead}, "free_run": {"after": 3.0, "gp": 3.0 * freely}}
     assert misleads(holdout) is does
 
 
-def test_what_misleads_is_withheld_and_said_to_be(bench: Any) -> None:
-    outcome = model_remainder(bench.shooting, bench.nominal, NAMES).withheld()
+def test_where_free_runs_fail_in_any_case_one_step_decides() -> None:
+    free = {"after": 1e9, "gp": 1e9}
+    assert misleads({"one_step": {"after": 0.1, "gp": 1.0}, "free_run": free})
+    assert not misleads({"one_step": {"after": 0.1, "gp": 0.05}, "free_run": free})
+
+
+def test_what_misleads_is_withheld_and_said_why(bench: Any) -> None:
+    errors = {"before": 2.0, "after": 1.0, "gp": 3.0, "noise": 0.1}
+    outcome = model_remainder(bench.shooting, bench.nominal, NAMES)
+    outcome = outcome.withheld({"one_step": errors, "free_run": errors})
     assert outcome.effect is None
     assert outcome.details["used"] is False
+    assert outcome.details["withheld"] == {kind: {"after": 1.0, "gp": 3.0} for kind in ("one_step", "free_run")}
 
 
 def test_halves_the_free_run_error_on_a_run_it_has_not_seen(bench: Any) -> None:

@@ -76,7 +76,8 @@ def test_unknown_says_what_a_learned_force_gains_by_one_step_where_free_runs_gai
         "runs": CALM,
     }
     text = sentence("unknown", (), {**ERROR, "fit": {"holdout": held_out}})
-    assert "the one-step error on held-out runs goes from 0.83 to 0.71" in text
+    assert "the one-step error on held-out runs goes from 0.83 to 0.71 (noise 0.7), and the free-run error" in text
+    assert text.endswith("from 0.8 to 1.4.")
 
 
 def test_where_some_runs_cannot_be_forecast_freely_errors_are_those_by_one_step() -> None:
@@ -88,7 +89,7 @@ def test_where_some_runs_cannot_be_forecast_freely_errors_are_those_by_one_step(
 
 def test_unknown_says_nothing_of_a_learned_force_that_changes_nothing() -> None:
     free = {"before": 1.141, "after": 1.141, "gp": 1.1405, "noise": 0.0024}
-    fit = {"holdout": {"free_run": free, "one_step": STEP, "runs": CALM}}
+    fit = {"holdout": {"free_run": free, "one_step": free, "runs": CALM}}
     assert sentence("unknown", (), {**ERROR, "fit": fit}).endswith("explains it.")
 
 

@@ -8,7 +8,7 @@ import pytest
 from tests.diagnosis.against_a_stop import AT, DAMPING, STIFFNESS, struck_bench
 from torch_activegp.diagnosis.selection import impacts as module
 from torch_activegp.diagnosis.selection.compared import Selection
-from torch_activegp.diagnosis.selection.impacts import behind_impacts, gone_astray, with_stops_further_in
+from torch_activegp.diagnosis.selection.impacts import _is_astray, behind_impacts, led_back, with_stops_further_in
 from torch_activegp.diagnosis.shooting.likelihood import Shooting
 from torch_activegp.diagnosis.shooting.score import Score
 
@@ -34,32 +34,78 @@ def test_the_best_of_new_sets_are_chained_where_a_machine_strikes(bench, monkeyp
     assert asked == []
 
 
-@pytest.mark.parametrize(
-    ("touches", "few", "behind", "found"),
-    [(True, True, 500.0, True), (False, True, 500.0, False), (True, False, 500.0, False), (True, True, 15.0, False)],
-)
-def test_a_rival_that_one_impact_led_astray_is_fitted_without_it_first(bench, monkeypatch, touches, few, behind, found):
-    """Not one that leaves more everywhere, or hardly more, nor where nothing is struck."""
-    best, other = bench.fit("viscous_friction", 0.05), bench.fit("constant_force", 0.01)
-    size = bench.segments.size
-    excess = np.where(np.arange(size) == 3, behind, 0.0) if few else np.full(size, behind / size)
-    rival = dataclasses.replace(other, per_segment=best.per_segment + excess, chi2=best.chi2 + behind)
-    more = dataclasses.replace(rival, effects=(*best.effects, *other.effects), values=(*best.values, *other.values))
-    chosen = Selection(bench.nominal, [bench.nominal, best, rival, more], Score(bench.shooting.samples, 60, 1.0))
-    places = np.arange(300) < 6 * touches
+@pytest.fixture
+def long(bench):
+    """Eleven segments, of which a tenth is one."""
+    shooting = bench.shooting.pick(np.arange(11) % bench.segments.size)
+    nominal = shooting.fit([((), ())], shooting.engine.starts(shooting.segments))[0]
+    return shooting, shooting.fit(
+        [((bench.effect("viscous_friction"),), (np.ones(1) * bench.viscous,))], nominal.starts
+    )[0]
+
+
+@pytest.fixture
+def touching(monkeypatch):
+    places = np.arange(300) < 6
     monkeypatch.setattr("torch_activegp.diagnosis.simulation.touching.poses_that_touch", lambda *_: (places, places))
-    asked: list = []
+    return places
 
-    def fit(shooting, sets, starts):
-        asked.append((shooting.segments.size, sets[0][1][0].tolist(), starts.shape[0]))
-        return [dataclasses.replace(rival, values=(rival.values[0] + 1.0,))]
 
-    monkeypatch.setattr(Shooting, "fit", fit)
-    again = gone_astray(chosen, bench.shooting, best)
-    value, rest = rival.values[0], size - max(size // 10, 1)
-    expected = [(rest, value.tolist(), rest), (size, (value + 1.0).tolist(), size)]
-    assert asked == (expected if found else [])
-    assert len(again) == found
+def stray(long, effect, where: list[int]):
+    """A rival of which some segments begin elsewhere, with a parameter that is far off, and as it stands."""
+    shooting, best = long
+    starts = best.starts.copy()
+    starts[where, 0] += 0.05
+    held = shooting.fit([((effect,), (0.5 * best.values[0],))], best.starts, hold=True)[0]
+    there = shooting.fit([((effect,), (0.5 * best.values[0],))], starts, rounds=0)[0]
+    level = best.per_segment + 3.0
+    level[where] = there.per_segment[where]
+    return dataclasses.replace(held, starts=starts, per_segment=level, chi2=float(level.sum()))
+
+
+def test_a_rival_that_one_impact_led_astray_is_led_back(bench, long, touching, monkeypatch) -> None:
+    shooting, best = long
+    rival = stray(long, best.effects[0], [3])
+    asked, fit = list[np.ndarray](), Shooting.fit
+    monkeypatch.setattr(Shooting, "fit", lambda self, *a, **k: asked.append(self.segments.first) or fit(self, *a, **k))
+    (found,) = led_back(shooting, best, [rival], 1e9)
+    assert found.values[0] == pytest.approx(best.values[0], rel=1e-3)
+    assert found.chi2 == pytest.approx(best.chi2, abs=0.5)
+    first, whole = asked
+    np.testing.assert_array_equal(first, np.delete(shooting.segments.first, 3))
+    assert len(whole) == 11
+
+
+def test_only_rivals_that_few_segments_hold_back_are_led_back(bench, long, touching) -> None:
+    shooting, best = long
+    rival = stray(long, best.effects[0], [3])
+    everywhere = stray(long, best.effects[0], [1, 3, 5, 7, 9])
+    behind = rival.chi2 - best.chi2
+    near = dataclasses.replace(rival, per_segment=best.per_segment + 10.0 * (np.arange(11) == 3), chi2=best.chi2 + 10.0)
+    still = dataclasses.replace(rival, at_rest=True)
+    push = bench.effect("constant_force")
+    more = dataclasses.replace(rival, effects=(*best.effects, push), values=(*best.values, np.zeros(1)))
+    assert led_back(shooting, best, [everywhere, near, still, more], 1e9) == []
+    assert led_back(shooting, best, [rival], best.chi2 + 3.9 * behind) == []  # too far off
+    assert len(led_back(shooting, best, [rival], best.chi2 + 4.1 * behind)) == 1
+    touching &= False
+    assert led_back(shooting, best, [rival], 1e9) == []  # nothing is struck
+
+
+@pytest.mark.parametrize("size", [1, 9])
+def test_where_there_are_not_ten_segments_none_is_left_out(long, touching, size: int) -> None:
+    shooting, best = long
+    rival = stray(long, best.effects[0], [0]).pick(np.arange(size))
+    assert led_back(shooting.pick(np.arange(size)), best.pick(np.arange(size)), [rival], 1e9) == []
+
+
+def test_what_strikes_may_be_an_effect(bench, long) -> None:
+    shooting, best = long
+    rival = stray(long, best.effects[0], [3])
+    stop = bench.effect("joint_stop")
+    hits = dataclasses.replace(rival, effects=(stop,), values=(stop.seeds[0],))
+    assert _is_astray(shooting, hits, best, 1e9)
+    assert not _is_astray(shooting, rival, best, 1e9)
 
 
 @pytest.fixture(scope="module")

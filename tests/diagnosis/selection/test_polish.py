@@ -120,6 +120,25 @@ def test_a_set_that_was_overtaken_is_shown_the_way_of_the_other(bench, monkeypat
     assert chosen.best.effects == wet.effects
 
 
+def test_rivals_that_are_not_near_may_have_gone_astray(bench, monkeypatch) -> None:
+    """Once: what is led back is near then, and overtakes the best set here."""
+    wet, drag = bench.fit("viscous_friction", 0.05), bench.effect("quadratic_drag")
+    (rival,) = bench.shooting.fit([((drag,), (np.array([0.05]),))], wet.starts)
+    far = dataclasses.replace(rival, chi2=wet.chi2 + 1000.0)
+    back = dataclasses.replace(rival, chi2=wet.chi2 - 50.0)
+    asked: list[tuple[str, list[str], float]] = []
+
+    def led_back(precise, best, rivals, nominal):
+        asked.append((best.effects[0].name, [fit.effects[0].name for fit in rivals if fit.effects], nominal))
+        return [back]
+
+    monkeypatch.setattr(f"{MODULE}.led_back", led_back)
+    chosen = Selection(bench.nominal, [bench.nominal, wet, far], Score(bench.shooting.samples, 5, 1.0))
+    polish(bench.shooting, chosen, [wet.effects[0], drag])
+    assert asked == [("viscous_friction", ["quadratic_drag"], bench.nominal.chi2)]
+    assert chosen.best.effects == (drag,)
+
+
 def test_a_rival_takes_the_states_of_the_best_where_these_are_better_and_its_own_derivatives_else(
     bench, monkeypatch
 ) -> None:

@@ -177,14 +177,17 @@ def compare(
     return overall, traces
 
 
-def take_out(name: str, holdout: Mapping[str, Any], traces: Sequence[dict[str, Any]]) -> None:
-    """Takes a model out of what :func:`compare` returned, in place."""
-    for entry in (holdout, *holdout["runs"]):
-        for kind in ("one_step", "free_run"):
-            del entry[kind][name]
-    for trace in traces:
-        trace[name] = None
-        del trace[f"start_{name}"]
+def without_model(
+    name: str, holdout: Mapping[str, Any], traces: Sequence[Mapping[str, Any]]
+) -> tuple[dict[str, Any], list[dict[str, Any]]]:
+    """What :func:`compare` returned, without one of the models."""
+
+    def told(entry: Mapping[str, Any]) -> dict[str, Any]:
+        errors = {kind: {key: v for key, v in entry[kind].items() if key != name} for kind in ("one_step", "free_run")}
+        return {**entry, **errors}
+
+    drawn = [{key: v for key, v in trace.items() if key != f"start_{name}"} | {name: None} for trace in traces]
+    return {**told(holdout), "runs": [told(entry) for entry in holdout["runs"]]}, drawn
 
 
 def errors_of_free_runs(runs: Sequence[Run], off: Sequence[Sequence[Array]], noise: NoiseModel) -> Array:

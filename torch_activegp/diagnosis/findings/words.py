@@ -13,6 +13,8 @@ _TOLD = 3
 """So many parameters of an effect are in the sentence."""
 _LOUD = 1.5
 """Chi2 per degree of freedom from which on noise is said to be louder than it looks."""
+_MENDS = 0.99
+"""Part of an error that a learned force may leave to be said to mend it."""
 _MUCH_LEFT = 2.0
 """Chi2 per degree of freedom from which on the names are said not to be all."""
 
@@ -115,15 +117,24 @@ def _doubted(doubts: Sequence[str]) -> str:
 
 
 def _learned(details: Mapping[str, Any]) -> str:
-    """What a learned force mends, where there is one and it does: free runs, or else one step."""
-    for kind, error in (_measure(details), ("one-step", details["fit"]["holdout"]["one_step"])):
-        before, after = (f"{error.get(key, error['before']):.3g}" for key in ("before", "gp"))
-        if float(after) < float(before):
-            return (
-                f"; with a force learned from the recordings (learned.pt) the {kind} error on held-out runs goes from "
-                f"{before} to {after} (noise {error['noise']:.2g})"
-            )
-    return ""
+    """How much a learned force mends, where there is one and it does: free runs, or else one step, and both then."""
+    kind, error = _measure(details)
+    step = details["fit"]["holdout"]["one_step"]
+    if error.get("gp") is None:
+        return ""
+    told, more = (kind, error), ""
+    if not _mends(error) and _mends(step):
+        told, more = ("one-step", step), f", and the {kind} error from {error['before']:.3g} to {error['gp']:.3g}"
+    if not _mends(told[1]):
+        return ""
+    return (
+        f"; with a force learned from the recordings (learned.pt) the {told[0]} error on held-out runs goes from "
+        f"{told[1]['before']:.3g} to {told[1]['gp']:.3g} (noise {told[1]['noise']:.2g}){more}"
+    )
+
+
+def _mends(error: Mapping[str, float]) -> bool:
+    return error["gp"] < _MENDS * error["before"]
 
 
 def _measure(details: Mapping[str, Any]) -> tuple[str, Mapping[str, float]]:

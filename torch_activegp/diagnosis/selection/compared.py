@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 
 import numpy as np
 
 from torch_activegp.diagnosis.inputs.runs import Array
+from torch_activegp.diagnosis.selection.outdone import is_outdone
 from torch_activegp.diagnosis.shooting.chaining import borrowed
 from torch_activegp.diagnosis.shooting.fit import Fit, inside, split
 from torch_activegp.diagnosis.shooting.likelihood import ROUNDS, Shooting
@@ -81,8 +82,13 @@ class Selection:
 
     @property
     def best(self) -> Fit:
-        """The set with the best score that a machine can have."""
-        return min((fit for fit in self.fits if fit.plausible), key=self._order)
+        """The set with the best score that a machine can have, and that none outdoes."""
+        return next(self._in_order())
+
+    def _in_order(self) -> Iterator[Fit]:
+        """What a machine can have and none outdoes, best first."""
+        ordered = sorted((fit for fit in self.fits if fit.plausible), key=self._order)
+        return (fit for fit in ordered if not is_outdone(fit, ordered, self.score))
 
     def _order(self, fit: Fit) -> float:
         """The score; of sets that nothing tells apart, the one with more of what a modeller tunes comes first."""
@@ -106,9 +112,9 @@ class Selection:
         self.fits = [fit if fit in kept else fit.without_derivatives for fit in self.fits]
 
     def ranked(self) -> list[Fit]:
-        """Best first, one fit for each set of names and targets."""
+        """Best first, one fit for each set of names and targets, without those that another one outdoes."""
         seen: dict[frozenset[tuple[str, str]], Fit] = {}
-        for fit in sorted((fit for fit in self.fits if fit.plausible), key=self._order):
+        for fit in self._in_order():
             seen.setdefault(fit.keys, fit)
         return list(seen.values())
 

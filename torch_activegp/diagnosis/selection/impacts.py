@@ -16,8 +16,9 @@ from torch_activegp.physics.effect import Effect
 
 _BEST = 4
 """So many of the best sets are looked at."""
-_FEW, _MOSTLY, _MUCH = 10, 0.5, 20.0
-"""A rival has gone astray where a tenth of the segments hold half of what it leaves more, and that is so much chi2."""
+_MOSTLY, _MUCH, _NEARLY = 2 / 3, 20.0, 0.25
+"""A rival has gone astray where a tenth of the segments hold so much of all that it leaves more than the best set: that
+is so much chi2 at least, and so small a part of what the best set explains at most."""
 _ROUNDS = 20
 """Of fits with a stop further in: those that lead there do in fewer."""
 
@@ -59,32 +60,53 @@ def behind_impacts(
         selection.lighten()
 
 
-def gone_astray(selection: Selection, shooting: Shooting, best: Fit) -> list[Fit]:
-    """Rivals that leave more than the best set in few segments mostly, fitted anew: first to the other segments.
+def led_back(shooting: Shooting, best: Fit, rivals: Sequence[Fit], nominal: float) -> list[Fit]:
+    """Rivals that an impact led astray, fitted anew: first to the segments in which they are about as good as the best.
 
-    On a machine that strikes, from the best set's states. What ended on the wrong side of an impact draws the
-    parameters along, and from there no states of that segment lead back: a rotor came 20 % too light, with 700 of the
-    1072 that it left more than a load in one of 54 segments; it left as much as the load did so.
+    Of as many names, on a machine that strikes, and from the best set's states. What ended on the wrong side of an
+    impact draws the parameters along, and from there no state of that segment leads back: a rotor came 20 % too light,
+    with 700 of the 1072 that it left more than a load in one of 54 segments; it left as much as the load did so.
 
     Args:
-        selection: the compared sets.
         shooting: the likelihood by which they were compared.
-        best: of them.
+        best: the best set.
+        rivals: others.
+        nominal: chi2 of the nominal.
 
-    Reference: Rousseeuw, *Least Median of Squares Regression*, J. of the American Statistical Association 79 (1984),
-    section 4 (least trimmed squares).
+    Returns:
+        Those that are better so.
+
+    Reference: Rousseeuw, *Least Median of Squares Regression*, J. of the American Statistical Association 79 (1984):
+    least trimmed squares.
     """
-    engine, segments = shooting.engine, shooting.segments
-    model_strikes, found = strikes(engine.model, engine.channels, segments.runs), list[Fit]()
-    for fit in selection.ranked()[:_BEST]:
-        few = np.argsort(best.per_segment - fit.per_segment)[: max(segments.size // _FEW, 1)]
-        behind, there = fit.chi2 - best.chi2, (fit.per_segment - best.per_segment)[few].sum()
-        struck = model_strikes or any(effect.strikes for effect in fit.effects)
-        if struck and len(fit.effects) == len(best.effects) and behind > _MUCH and there > _MOSTLY * behind:
-            others = np.setdiff1d(np.arange(segments.size), few)
-            values = shooting.pick(others).fit([(fit.effects, fit.values)], best.starts[others])[0].values
-            found.append(shooting.fit([(fit.effects, values)], best.starts)[0])
-    return found
+    near = [fit for fit in rivals if _is_astray(shooting, fit, best, nominal)]
+    if not near:
+        return []
+    sets = list[Set]()
+    for fit in near:
+        more = fit.per_segment - best.per_segment
+        alike = np.flatnonzero(more < np.partition(more, -_few(shooting))[-_few(shooting)])
+        part = shooting.pick(alike).fit([(fit.effects, fit.values)], best.starts[alike])[0]
+        sets.append((fit.effects, part.values))
+    ends = shooting.fit(sets, best.starts)
+    return [end for end, fit in zip(ends, near, strict=True) if end.chi2 < fit.chi2]
+
+
+def _is_astray(shooting: Shooting, fit: Fit, best: Fit, nominal: float) -> bool:
+    """Whether few segments hold most of what a rival leaves more than the best set, on a machine that strikes."""
+    behind, more = fit.chi2 - best.chi2, fit.per_segment - best.per_segment
+    if not _MUCH < behind < _NEARLY * (nominal - best.chi2) or fit.at_rest or len(fit.effects) != len(best.effects):
+        return False
+    few, above = np.sort(more)[len(more) - _few(shooting) :], np.maximum(more, 0.0)
+    if not _few(shooting) or few.sum() < _MOSTLY * above.sum():
+        return False
+    engine, runs = shooting.engine, shooting.segments.runs
+    return any(effect.strikes for effect in fit.effects) or strikes(engine.model, engine.channels, runs)
+
+
+def _few(shooting: Shooting) -> int:
+    """A tenth of the segments; none where there are not ten."""
+    return shooting.segments.size // 10
 
 
 def with_stops_further_in(shooting: Shooting, fit: Fit, work: float = np.inf) -> Fit:

@@ -1,36 +1,45 @@
-"""Sets that another one outdoes with no more names and no more parameters."""
+"""Sets that a vector's price puts before others that explain more with no more names and no more parameters."""
 
 from __future__ import annotations
 
-from torch_activegp.diagnosis.selection.compared import Selection
-from torch_activegp.diagnosis.selection.ties import ALIKE
+from collections.abc import Sequence
+
 from torch_activegp.diagnosis.shooting.fit import Fit
+from torch_activegp.diagnosis.shooting.score import Score
 
-_CLEARLY = 20.0
-"""Chi2, in units of the noise that is left, by which a set outdoes another one: odds of 22 thousand to 1."""
+_CLEARLY, _SHORT = 20.0, 0.002
+"""Chi2, in units of the noise that is left, by which a set outdoes another one (odds of 22 thousand to 1), and the part
+of it, if that is more: what fits are short of."""
 
 
-def outdone_by(selection: Selection, fit: Fit) -> Fit | None:
-    """The set that leaves clearly less than another one, with no more names and no more parameters; None without any.
+def is_outdone(fit: Fit, others: Sequence[Fit], score: Score) -> bool:
+    """Whether another set leaves clearly less, with no more names and no more parameters than one with a vector.
 
-    Prices weigh names against what they explain. Where neither set has more of them, what they leave decides: gravity
-    along two axes and a rotor, whose second axis costs a vector little, left 38 more than a load and a spring whose
-    rest has a price, and scored 823 better.
+    Further components of a vector have next to no price; those of another law must be worth a name. Where neither set
+    has more of either, what they leave decides: gravity along two axes and a rotor left 38 more than a load and a
+    spring with a rest, which were there, and scored 823 better.
 
     Args:
-        selection: the compared sets.
-        fit: one of them.
+        fit: of a set.
+        others: of all sets that a machine can have.
+        score: how they compare.
     """
-    score, names = selection.score, selection.score.names_in(fit.effects)
-    least = fit.chi2 - max(_CLEARLY * score.scale, ALIKE * fit.chi2)
-    sound = (other for other in selection.fits if other.plausible and not other.at_rest and other.chi2 < least)
-    better = (other for other in sound if other.size <= fit.size and score.names_in(other.effects) <= names)
-    return min(better, key=lambda other: other.chi2, default=None)
+    vectors = {effect for effect in fit.effects if effect.vector and len(effect.parameters) > 1}
+    if not vectors:
+        return False
+    least = fit.chi2 - max(_CLEARLY * score.scale, _SHORT * fit.chi2)
+    size, names = _named(fit, score), score.names_in(fit.effects)
+    return any(
+        other.chi2 < least
+        and other.size <= fit.size
+        and score.names_in(other.effects) <= names
+        and _named(other, score) <= size
+        and not vectors <= set(other.effects)
+        and not other.at_rest
+        for other in others
+    )
 
 
-def leave_out_outdone(selection: Selection) -> bool:
-    """Forgets sets that score better than the best one that nothing outdoes; returns whether there were any."""
-    before = selection.best
-    while outdone_by(selection, best := selection.best) is not None:
-        selection.fits = [fit for fit in selection.fits if fit is not best]
-    return selection.best is not before
+def _named(fit: Fit, score: Score) -> int:
+    """Parameters of what is more than an undone tuning."""
+    return sum(len(v) for e, v in zip(fit.effects, fit.values, strict=True) if e.key not in score.free)

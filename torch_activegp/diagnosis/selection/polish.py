@@ -9,10 +9,9 @@ import numpy as np
 
 from torch_activegp.diagnosis.selection.compared import Effort, Selection, compare
 from torch_activegp.diagnosis.selection.elsewhere import elsewhere
-from torch_activegp.diagnosis.selection.impacts import gone_astray
+from torch_activegp.diagnosis.selection.impacts import led_back
 from torch_activegp.diagnosis.selection.merging import merged
 from torch_activegp.diagnosis.selection.more_axes import in_fewer_axes
-from torch_activegp.diagnosis.selection.outdone import leave_out_outdone, outdone_by
 from torch_activegp.diagnosis.selection.proposals import Set, beginning
 from torch_activegp.diagnosis.shooting.chaining import borrowed, chained
 from torch_activegp.diagnosis.shooting.fit import Fit
@@ -57,17 +56,17 @@ def polish(shooting: Shooting, selection: Selection, effects: Sequence[Effect]) 
         stuck = min(_SHORT * best.chi2, _OF_THE_GAIN * (selection.nominal.chi2 - best.chi2))
         near = _near(selection, best, max(2.0 * gained, 0.0), 0.0 if number else stuck)
         near += [fit for fit in former if fit not in near]
-        better = outdone_by(selection, best)
-        near += [] if better is None or better in near else [better]
-        astray = [] if number else gone_astray(selection, precise, best)
-        near = selection.add([*(_again(precise, fit, best) for fit in near), *astray])
+        found = [_again(precise, fit, best) for fit in near]
+        if not number:
+            behind = [fit for fit in selection.ranked()[:_NEAR] if fit is not best and fit not in near]
+            found += led_back(precise, best, behind, selection.nominal.chi2)
+        near = selection.add(found)
         sets = [some for fit in near if (some := shared(fit, best)) is not None]
         sets += _in_fewer_axes(selection, [best, *near], effects)
         sets += [] if number else [*elsewhere(best, effects), *_one_for_two(selection, best, effects)]
         below = [selection.below(some) for some, _ in sets]
         compare(shooting, selection, sets, best, Effort(race=True), below=below)
-        outdone = leave_out_outdone(selection)
-        leads = not outdone and selection.score(selection.best) > selection.score(best) - _SETTLED
+        leads = selection.score(selection.best) > selection.score(best) - _SETTLED
         if leads and gained <= max(_SETTLED, _CREEPS * best.chi2):
             break
         former = [best] if selection.best.effects != best.effects else []
