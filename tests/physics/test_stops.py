@@ -110,6 +110,19 @@ def test_a_stop_further_in_takes_the_same_force_at_the_end(bench: Any, kind: Any
     assert stop.further_in(np.array([0.0, 0.0, stop.end - 0.1])) == []
 
 
+@pytest.mark.parametrize("kind", [JointStop, LowerJointStop])
+def test_a_stop_as_hard_as_may_be_ends_the_motion_where_it_ended(bench: Any, kind: Any) -> None:
+    stop = kind.at(bench.shoulder, bench.model)
+    values = np.array([100.0, 3.0, stop.end - 0.1])
+    others = stop.as_hard(values)
+    assert [other[0] for other in others] == pytest.approx([20.0, 500.0, 2500.0, 12500.0])
+    for other in others:
+        assert other[0] * (stop.end - other[2]) ** 2 == pytest.approx(1.0)  # takes up as much energy
+        assert other[1] / np.sqrt(other[0]) == pytest.approx(0.3)
+    deep = np.array([100.0, 3.0, stop.parameters[2].low + 1e-3])
+    assert len(stop.as_hard(deep)) == 3  # a softer one would begin too early
+
+
 def test_a_stop_springs_back(bench: Any) -> None:
     stop = JointStop.at(bench.shoulder, bench.model)
     critical = 2.0 * np.sqrt(100.0 * stop.inertia)

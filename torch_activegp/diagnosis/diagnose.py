@@ -163,7 +163,7 @@ def _report(
     learned = None
     if outcome is not None and outcome.effect is not None:
         learned = simulator_with(source, machine.channels, outcome.on(chosen.candidate), None, numerics)
-    numbers, short = numbers_of(explanation.engine, shooting, chosen, xml is not None and all(held))
+    numbers = numbers_of(explanation.engine, shooting, chosen, xml is not None and all(held))
     named, open_notes = named_effects(explanation, judgement, dict(zip(chosen.effects, held, strict=True)), numbers)
     files: dict[str, str | bytes] = {}
     if xml is not None:
@@ -197,14 +197,14 @@ def _report(
             *late,
             *search_notes(explanation, machine.model, chosen.effects),
             *_remainder_note(outcome),
-            *short,
+            *numbers.notes,
             *open_notes,
             *wild_notes,
             *verdict.notes,
             *([verdict.clock] if verdict.clock else []),
         ],
         "rivals": rival_entries(explanation, judgement),
-        "retuned": retuned_entries(explanation, judgement, numbers),
+        "retuned": retuned_entries(explanation, judgement, numbers.fit),
         "mjcf_diff": difference if chosen.effects else None,
         "remainder": None if outcome is None else outcome.details,
     }

@@ -228,6 +228,10 @@ class Effect:
         """Values ``(P,)`` for what is struck earlier on the way than with these, ``(P,)``; none where nothing is."""
         return []
 
+    def as_hard(self, values: Array) -> list[Array]:
+        """Values ``(P,)`` for what is struck as far on the way, softer and harder; none where nothing is."""
+        return []
+
     def taking_over(self, other: Effect, values: Array) -> Array:
         """Values ``(P,)`` with which this form of a name begins in place of another form with some values.
 

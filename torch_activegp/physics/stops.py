@@ -32,6 +32,8 @@ _STICKIEST = 10.0
 a drive with other friction one way than the other (EMPS), a stop without any stiffness stood for that."""
 _EARLIER = (1.0, 2.0)
 """How much further in a stop is sought, in hundredths of the range, which is the scale of its place."""
+_HARDNESSES = (0.2, 5.0, 25.0, 125.0)
+"""Times as stiff as it was found, for how hard a stop may be."""
 _IMPEDANCE = 1e-4
 _FAR = 1e4
 
@@ -112,6 +114,12 @@ class JointStop(JointEffect):
             if stop > place.low:
                 out.append(np.array([softer * values[0], np.sqrt(softer) * values[1], stop]))
         return out
+
+    def as_hard(self, values: Array) -> list[Array]:
+        """Softer or harder, with the motion's end where it is, and as much of the critical damping."""
+        depth = max(float(self.end - values[2]), self.parameters[2].scale * _HARDEST)
+        beside = ([f * values[0], np.sqrt(f) * values[1], self.end - depth / np.sqrt(f)] for f in _HARDNESSES)
+        return [np.array(one) for one in beside if one[2] > self.parameters[2].low]
 
     def force(self, position: Array, velocity: Array, values: Sequence[Array] | Array) -> Array:
         """The law; see :meth:`JointEffect.force`."""

@@ -10,6 +10,7 @@ import pytest
 
 from torch_activegp.diagnosis.findings.entries import named_effects
 from torch_activegp.diagnosis.findings.open_forms import open_forms, widened
+from torch_activegp.diagnosis.findings.short_steps import Numbers
 from torch_activegp.diagnosis.selection.compared import Selection
 from torch_activegp.diagnosis.selection.intervals import estimates
 from torch_activegp.diagnosis.shooting.score import Score
@@ -91,16 +92,16 @@ def test_the_note_gives_the_laws_between_which_nothing_decides(bench, loads) -> 
     explanation = SimpleNamespace(shooting=bench.shooting, selection=compared(bench, fit, rival))
     judged = {"verdict": "named", "fit": fit, "named": (effect,), "shares": (1.0,), "probabilities": (1.0,)}
     judgement = SimpleNamespace(**judged, ties=((),))
-    (named,), notes = named_effects(explanation, judgement, {effect: True}, fit)
+    (named,), notes = named_effects(explanation, judgement, {effect: True}, Numbers(fit, bench.shooting))
     assert named.parameters["mass"].ci95[0] <= FOURTH * named.parameters["mass"].value
     assert notes == [
         f"payload_mass at {effect.target}: the recordings fit as well with {other.law_with(np.zeros(1))}. Its interval "
         "spans all these; its value is for the law that is given."
     ]
     alone = SimpleNamespace(shooting=bench.shooting, selection=compared(bench, fit))
-    (kept,), none = named_effects(alone, judgement, {effect: True}, fit)
+    (kept,), none = named_effects(alone, judgement, {effect: True}, Numbers(fit, bench.shooting))
     assert none == []
     sharp = dataclasses.replace(fit)  # the numbers of shorter steps are compared with none of longer ones
-    (kept,), none = named_effects(explanation, judgement, {effect: True}, sharp)
+    (kept,), none = named_effects(explanation, judgement, {effect: True}, Numbers(sharp, bench.shooting))
     assert none == []
     assert kept.parameters == estimates(bench.shooting, fit, effect)

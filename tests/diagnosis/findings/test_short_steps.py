@@ -30,23 +30,24 @@ def in_long_steps(bench: Bench) -> Fit:
 
 def test_the_numbers_of_a_stop_are_those_of_short_steps(struck: Bench) -> None:
     coarse = in_long_steps(struck)
-    sharp, notes = numbers_of(struck.engine, struck.shooting, coarse, held=True)
+    sharp, by, notes = numbers_of(struck.engine, struck.shooting, coarse, held=True)
     true = np.array([STIFFNESS, DAMPING, AT])
     before, after = (np.abs(fit.values[0] - true) / true for fit in (coarse, sharp))
     assert before[1] > 0.015
     assert (after[:2] < 0.3 * before[:2]).all()
     assert sharp.chi2 < 0.2 * coarse.chi2
     assert sharp.information.shape == (3, 3)
-    assert notes == [
+    assert by.engine.substeps == 16 * struck.engine.substeps
+    assert notes == (
         "joint_stop at joint:hip: all parameters given here were fitted in steps of 0.31 ms, for where in a longer one "
         "something strikes is an accident. The corrected model, curves and what is said of stability have those that "
-        "do the same in longer steps."
-    ]
+        "do the same in longer steps.",
+    )
 
 
 def test_nothing_changes_where_nothing_strikes(bench) -> None:
     smooth = bench.fit("viscous_friction", 0.05)
-    assert numbers_of(bench.engine, bench.shooting, smooth, held=True) == (smooth, [])
+    assert numbers_of(bench.engine, bench.shooting, smooth, held=True) == (smooth, bench.shooting, ())
 
 
 @pytest.mark.parametrize(("flattered", "afforded"), [(0.05, 6e5), (1.0, 10.0)])
@@ -57,6 +58,7 @@ def test_long_steps_stay_where_short_ones_do_worse_or_take_too_long(
     monkeypatch.setattr("torch_activegp.diagnosis.findings.short_steps._AFFORDED", afforded)
     coarse = in_long_steps(struck)
     coarse = dataclasses.replace(coarse, chi2=flattered * coarse.chi2)
-    fit, notes = numbers_of(struck.engine, struck.shooting, coarse, held=False)
+    fit, by, notes = numbers_of(struck.engine, struck.shooting, coarse, held=False)
     assert fit is coarse
-    assert notes == []
+    assert by is struck.shooting
+    assert notes == ()

@@ -6,7 +6,9 @@ from typing import Any
 
 import numpy as np
 
+from torch_activegp.diagnosis.findings.hardness import with_hardness
 from torch_activegp.diagnosis.findings.open_forms import open_forms, widened
+from torch_activegp.diagnosis.findings.short_steps import Numbers
 from torch_activegp.diagnosis.inputs.machine import Machine
 from torch_activegp.diagnosis.result import NamedEffect
 from torch_activegp.diagnosis.selection.explain import Explanation
@@ -19,7 +21,7 @@ _SHOWN = 8
 
 
 def named_effects(
-    explanation: Explanation, judgement: Judgement, held: dict[Any, bool | None], numbers: Fit
+    explanation: Explanation, judgement: Judgement, held: dict[Any, bool | None], numbers: Numbers
 ) -> tuple[tuple[NamedEffect, ...], list[str]]:
     """The named effects, if there are any, and notes on those of which the recordings do not tell the form.
 
@@ -35,9 +37,10 @@ def named_effects(
     for effect, share, probability, ties in zip(
         judgement.named, judgement.shares, judgement.probabilities, judgement.ties, strict=True
     ):
-        values = numbers.by_effect[effect]
-        own = estimates(explanation.shooting, numbers, effect)
-        forms = open_forms(explanation.selection, judgement.fit, effect) if numbers is judgement.fit else []
+        values = numbers.fit.by_effect[effect]
+        own = estimates(explanation.shooting, numbers.fit, effect)
+        own = with_hardness(numbers.shooting, numbers.fit, effect, own, explanation.selection.score.scale)
+        forms = open_forms(explanation.selection, judgement.fit, effect) if numbers.fit is judgement.fit else []
         parameters, wider = widened(explanation.shooting, own, forms)
         law, large = effect.law_with(values), effect.too_much(values)
         mjcf = held.get(effect, False)

@@ -14,7 +14,7 @@ from torch_activegp.diagnosis.shooting.fit import Fit
 from torch_activegp.diagnosis.shooting.likelihood import Shooting
 from torch_activegp.physics.effect import Effect
 
-_AS_WELL = float(stats.chi2.ppf(0.95, 1))
+AS_WELL = float(stats.chi2.ppf(0.95, 1))
 """Chi2 by which a form may fit worse for its parameters to be within 95 %."""
 _WIDER = 1.2
 """An interval that is so many times as wide is worth a note."""
@@ -44,7 +44,7 @@ def open_forms(selection: Selection, fit: Fit, effect: Effect) -> list[Form]:
             continue
         form = rest.pop()
         other = form is not effect and form.key == effect.key and len(form.parameters) <= len(effect.parameters)
-        if other and rival.chi2 - fit.chi2 < _AS_WELL * selection.score.scale:
+        if other and rival.chi2 - fit.chi2 < AS_WELL * selection.score.scale:
             found.setdefault(form, rival)
     return list(found.items())
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+from typing import NamedTuple
 
 from torch_activegp.diagnosis.inputs.runs import median_step
 from torch_activegp.diagnosis.shooting.fit import Fit
@@ -16,7 +17,21 @@ _AS_WELL = 0.002
 """Part of its chi2 by which a set may fit worse in shorter steps: by more, and these are not the machine's."""
 
 
-def numbers_of(engine: Engine, shooting: Shooting, fit: Fit, held: bool) -> tuple[Fit, list[str]]:
+class Numbers(NamedTuple):
+    """The numbers of a set.
+
+    Args:
+        fit: of the set.
+        shooting: the likelihood by which it was fitted.
+        notes: that steps are shorter than those in which the set was chosen, where they are.
+    """
+
+    fit: Fit
+    shooting: Shooting
+    notes: tuple[str, ...] = ()
+
+
+def numbers_of(engine: Engine, shooting: Shooting, fit: Fit, held: bool) -> Numbers:
     """A set with its numbers, of one in which something strikes those by a fourth and a sixteenth of the steps.
 
     A force that sets in at a place acts from the next evaluation on, and which that is in a step is an accident of each
@@ -34,13 +49,13 @@ def numbers_of(engine: Engine, shooting: Shooting, fit: Fit, held: bool) -> tupl
         held: whether MJCF holds the set.
 
     Returns:
-        The fit by the shorter steps, and a note that says so; the same fit where nothing strikes, or where shorter
+        Those of the shorter steps, and a note that says so; those of the fit where nothing strikes, or where shorter
         steps do worse or take too long.
     """
     striking = [f"{effect.name} at {effect.target}" for effect in fit.effects if effect.strikes]
     if not striking:
-        return fit, []
-    sharp, taken = fit, engine
+        return Numbers(fit, shooting)
+    sharp, taken, by = fit, engine, shooting
     for times in _SHORTER:
         form = engine.in_shorter_steps(times)  # all of them everywhere, for what strikes wants short ones
         if form is engine or Engine.steps_in(form, shooting.segments) > _AFFORDED:
@@ -49,12 +64,13 @@ def numbers_of(engine: Engine, shooting: Shooting, fit: Fit, held: bool) -> tupl
         again = finer.fit([(sharp.effects, sharp.values)], sharp.starts, work=finer.work + _WORK)[0]
         if not again.plausible or not again.chi2 <= (1.0 + _AS_WELL) * fit.chi2:
             break
-        sharp, taken = again, form
+        sharp, taken, by = again, form, finer
     if taken is engine:
-        return fit, []
+        return Numbers(fit, shooting)
     length, what = 1e3 * median_step(shooting.segments.runs) / taken.substeps, "model" if held else "simulator"
-    return sharp, [
+    note = (
         f"{' and '.join(striking)}: all parameters given here were fitted in steps of {length:.2g} ms, for where in a "
         f"longer one something strikes is an accident. The corrected {what}, curves and what is said of stability have "
         "those that do the same in longer steps."
-    ]
+    )
+    return Numbers(sharp, by, (note,))
