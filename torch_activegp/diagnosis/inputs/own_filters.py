@@ -20,6 +20,12 @@ from torch_activegp.physics.actuation import ActuatorLag, follow
 from torch_activegp.physics.place import Place
 
 _FIRST_ORDER = (int(mujoco.mjtDyn.mjDYN_FILTER), int(mujoco.mjtDyn.mjDYN_FILTEREXACT))
+_MOTOR = 'Make it a motor (dyntype="none") and record what it puts out.'
+_INTEGRATED = (
+    'Give its control\'s integral, from where it began, to a drive without a state (dyntype="none"): an `intvelocity` '
+    "becomes a `position` servo, whose control is where it leads."
+)
+"""What to do instead of a drive with a state, and of one that integrates."""
 
 
 class OwnFilter(NamedTuple):
@@ -98,7 +104,7 @@ def check_drives(model: mujoco.MjModel, runs: Sequence[Run]) -> None:
             raise ConfigurationError(
                 f"actuator `{model.actuator(i).name or f'actuator{i}'}`: a drive without a state, a filter of first "
                 f"order without limits, or a dcmotor wanted, found `{kind.name.removeprefix('mjDYN_').lower()}`: no "
-                'recording holds its state. Make it a motor (dyntype="none") and record what it puts out.'
+                f"recording holds its state. {_INTEGRATED if kind == mujoco.mjtDyn.mjDYN_INTEGRATOR else _MOTOR}"
             )
 
 
