@@ -44,12 +44,19 @@ class Cogging(JointEffect):
 
     Args:
         center: the middle of the recorded range, rad or m.
+        width: of that.
     """
 
     name = "cogging"
     never_negative = frozenset(f"amplitude{end}" for end in ENDINGS)
     law = "A sin(N q + phase)"
     center: float = 0.0
+    width: float = 0.0
+
+    @property
+    def range(self) -> tuple[float, float]:
+        """That of the recorded positions, rad or m."""
+        return self.center - 0.5 * self.width, self.center + 0.5 * self.width
 
     @classmethod
     def at(cls, place: Place, model: mujoco.MjModel) -> Self:
@@ -74,9 +81,8 @@ class Cogging(JointEffect):
             parameters = (*_numbered((sine, cosine), waves), *_numbered((count,), waves))
             seeds = [[scale, scale, n] for n in periods] if waves == 1 else [[scale] * 2 * waves + periods[:1] * waves]
             several = {"variant": f"{waves} waves", "stands_in": True} if waves > 1 else {}
-            made = cls.make(
-                place, parameters, seeds, linear=2 * waves, more=made, center=float(np.mean(place.position)), **several
-            )
+            about = {"center": float(np.mean(place.position)), "width": width}
+            made = cls.make(place, parameters, seeds, linear=2 * waves, more=made, **about, **several)
         assert made is not None
         return made
 

@@ -13,6 +13,7 @@ from torch_activegp.diagnosis.selection.impacts import led_back
 from torch_activegp.diagnosis.selection.merging import merged
 from torch_activegp.diagnosis.selection.more_axes import in_fewer_axes
 from torch_activegp.diagnosis.selection.proposals import Set, beginning
+from torch_activegp.diagnosis.selection.straightened import straightened
 from torch_activegp.diagnosis.shooting.chaining import borrowed, chained
 from torch_activegp.diagnosis.shooting.fit import Fit
 from torch_activegp.diagnosis.shooting.likelihood import Shooting
@@ -40,6 +41,8 @@ def polish(shooting: Shooting, selection: Selection, effects: Sequence[Effect]) 
     shows that one the way in turn, however far behind it is now: on a machine that strikes, a spring and a drag left 28
     less than the spring and the damping that was there, by states that these had not tried.
     """
+    springs = [some for some in straightened(selection.best, effects) if selection.of(some[0]) is None]
+    compare(shooting, selection, springs, selection.best)
     precise = dataclasses.replace(shooting, cheap=None)  # no derivatives but its own
     former: list[Fit] = []
     for number in range(_POLISHES if selection.best.effects else 0):
