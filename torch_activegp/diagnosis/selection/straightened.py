@@ -39,8 +39,6 @@ def straightened(best: Fit, effects: Sequence[Effect]) -> list[Set]:
             if isinstance(spring, Spring) and spring.target == wave.target and spring.key not in best.keys:
                 laws = [spring.force(positions, rest, amplitudes) for amplitudes in np.eye(spring.linear)]
                 alike = np.linalg.lstsq(np.stack(laws, axis=1), pull, rcond=None)[0]
-                pairs: list[tuple[Effect, Array]] = [
-                    (spring, alike) if e is wave else (e, v) for e, v in best.by_effect.items()
-                ]
-                sets.append(paired(pairs))
+                there: dict[Effect, tuple[Effect, Array]] = {wave: (spring, alike)}
+                sets.append(paired([there.get(e, (e, v)) for e, v in best.by_effect.items()]))
     return sets
