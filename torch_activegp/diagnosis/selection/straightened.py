@@ -34,11 +34,12 @@ def straightened(best: Fit, effects: Sequence[Effect]) -> list[Set]:
         if not isinstance(wave, Cogging) or wave.linear != 2 or values[2] > _AT_ITS_LEAST * wave.parameters[2].low:
             continue
         positions = np.linspace(*wave.range, _POSITIONS)
-        pull, rest = wave.force(positions, np.zeros(_POSITIONS), values), np.zeros(_POSITIONS)
+        speeds = np.zeros(_POSITIONS)
+        pull = wave.force(positions, speeds, values)
         for spring in effects:
             if isinstance(spring, Spring) and spring.target == wave.target and spring.key not in best.keys:
-                laws = [spring.force(positions, rest, amplitudes) for amplitudes in np.eye(spring.linear)]
-                alike = np.linalg.lstsq(np.stack(laws, axis=1), pull, rcond=None)[0]
-                there: dict[Effect, tuple[Effect, Array]] = {wave: (spring, alike)}
-                sets.append(paired([there.get(e, (e, v)) for e, v in best.by_effect.items()]))
+                laws = [spring.force(positions, speeds, amplitudes) for amplitudes in np.eye(spring.linear)]
+                alike: Array = np.linalg.lstsq(np.stack(laws, axis=1), pull, rcond=None)[0].astype(float)
+                instead: dict[Effect, tuple[Effect, Array]] = {wave: (spring, alike)}
+                sets.append(paired([instead.get(e, (e, v)) for e, v in best.by_effect.items()]))
     return sets
