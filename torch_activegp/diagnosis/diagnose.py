@@ -15,7 +15,7 @@ from torch_activegp.diagnosis.findings.evidence import laws, map_region, map_tim
 from torch_activegp.diagnosis.findings.forecast import compare, without_model
 from torch_activegp.diagnosis.findings.late_controls import doubt_rows, doubt_signs
 from torch_activegp.diagnosis.findings.locate import entries, locate, somewhere
-from torch_activegp.diagnosis.findings.notes import search_notes
+from torch_activegp.diagnosis.findings.notes import forecast_notes, search_notes
 from torch_activegp.diagnosis.findings.proposal import propose
 from torch_activegp.diagnosis.findings.reconsider import reconsider
 from torch_activegp.diagnosis.findings.remainder import Outcome, misleads, model_remainder
@@ -168,10 +168,11 @@ def _report(
     files: dict[str, str | bytes] = {}
     if xml is not None:
         files["corrected.xml"] = xml
-    proposal = propose(explanation, judgement, machine.fit, seed)
+    late = _late(explanation, judgement, say)
+    doubts = [*late, *machine.doubts, *machine.lacks]
+    proposal = propose(explanation, judgement, machine.fit, seed, doubts)
     if proposal is not None:
         files["next.csv"] = proposal[1]
-    late = _late(explanation, judgement, say)
     details: dict[str, Any] = {
         "mismatch": {
             "detected": judgement.verdict != "none",
@@ -196,6 +197,7 @@ def _report(
             *machine.notes,
             *late,
             *search_notes(explanation, machine.model, chosen.effects),
+            *forecast_notes(bool(named), chosen.chi2 / max(shooting.dof - chosen.size, 1), holdout, shooting.segments),
             *_remainder_note(outcome),
             *numbers.notes,
             *open_notes,
@@ -215,7 +217,6 @@ def _report(
         "laws": laws(machine.channels, left, chosen, judgement.named) if named else [],
         "traces": traces,
     }
-    doubts = [*late, *machine.doubts, *machine.lacks]
     words = unforeseen(verdict.unforeseen, doubts) or sentence(
         judgement.verdict, named, details, doubts, bool(verdict.clock)
     )

@@ -5,7 +5,7 @@ import dataclasses
 import numpy as np
 import pytest
 
-from torch_activegp.diagnosis.findings.notes import search_notes
+from torch_activegp.diagnosis.findings.notes import forecast_notes, search_notes
 from torch_activegp.diagnosis.selection.compared import Selection
 from torch_activegp.diagnosis.selection.explain import Explanation
 from torch_activegp.diagnosis.shooting.score import Score
@@ -90,3 +90,14 @@ def test_where_nothing_comes_near_signs_and_units_are_named(bench, left: float, 
     found = Explanation(bench.engine, bench.shooting, selection, (), fine=False)
     assert any("signs and units" in note for note in search_notes(found, bench.machine.model, ())) is told
     assert search_notes(found, bench.machine.model, (bench.effect("viscous_friction"),)) == []
+
+
+@pytest.mark.parametrize(
+    ("named", "left", "ahead", "said"),
+    [(True, 1.1, 26.0, True), (True, 1.1, 9.0, False), (True, 2.5, 26.0, False), (False, 1.1, 26.0, False)],
+)
+def test_it_is_said_where_held_out_runs_are_forecast_far_worse_than_pieces_are_fitted(bench, named, left, ahead, said):
+    holdout = {"one_step": {"after": 0.01 * ahead, "noise": 0.01}}
+    notes = forecast_notes(named, left, holdout, bench.segments)
+    assert len(notes) == said
+    assert not said or ("with 26 times the noise" in notes[0] and "1.1 times the noise (chi2 per dof)" in notes[0])

@@ -32,11 +32,11 @@ def left_of(bench, fit) -> float:
     return float(left_of_errors(bench.shooting, fit, *again(bench)[1:])[0])
 
 
-def proposed(bench, *fits, **changed):
+def proposed(bench, *fits, doubts=(), **changed):
     selection = Selection(bench.nominal, [bench.nominal, *fits], Score(bench.shooting.samples, 20, 1.0))
     explanation = Explanation(bench.engine, bench.shooting, selection, bench.effects, fine=False)
     judgement = dataclasses.replace(judge(bench.shooting, selection), **changed)
-    return propose(explanation, judgement, bench.machine.fit, 0)
+    return propose(explanation, judgement, bench.machine.fit, 0, doubts)
 
 
 def test_where_all_rivals_are_ruled_out_the_least_certain_parameter_is_measured(bench, wet) -> None:
@@ -79,7 +79,9 @@ def test_what_controls_would_hardly_tell_is_not_promised(bench, wet, monkeypatch
     for error, well in ((0.01, True), (0.03, False)):
         found = least_certain(bench.shooting, wet, np.array([[(error * wet.values[0][0]) ** 2]]))
         assert found is not None
-        assert (words if well else "standard error") in found[1].sentence(again(bench))
+        said = found[1].sentence(again(bench))
+        assert words in said
+        assert said.startswith("nothing need be recorded") is well
 
 
 def test_a_ratio_has_no_unit(bench) -> None:
@@ -112,10 +114,15 @@ def test_rivals_that_are_open_are_told_apart(bench, wet) -> None:
     assert entry["separates"] == ["viscous_friction", "quadratic_drag"]
 
 
-def test_where_nothing_is_certain_rivals_are_told_apart_however_far(bench, wet) -> None:
+def test_where_nothing_is_certain_rivals_are_told_apart_that_are_not_far_behind(bench, wet, monkeypatch) -> None:
+    module = "torch_activegp.diagnosis.findings.proposal._FAR_BEHIND"
+    monkeypatch.setattr(module, 1e9)
     entry, _ = proposed(bench, wet, verdict="unknown")
     assert entry["separates"] == ["viscous_friction", "no effect"]
     assert proposed(bench, verdict="unknown") is None
+    assert proposed(bench, wet, verdict="unknown", doubts=["Column `ctrl.drive` is missing."]) is None
+    monkeypatch.setattr(module, 10.0)
+    assert proposed(bench, wet, verdict="unknown") is None
 
 
 def test_nothing_is_proposed_where_nothing_differs(bench, wet) -> None:

@@ -60,7 +60,7 @@ def test_an_effect_that_is_everywhere_stands(bench, found_for) -> None:
     assert 0.0 < spread.shift < 2.5
     assert str(found) == (
         "Each recording left out in turn and forecast from the rest: viscous_friction at joint:hip improves 3 of 3; "
-        f"no parameter moves by more than {spread.shift:.1f} standard errors."
+        f"no parameter moves by more than {spread.shift:.2g} standard errors."
     )
 
 

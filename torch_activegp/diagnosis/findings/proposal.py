@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
@@ -22,6 +23,8 @@ _RIVALS = 3
 _OPEN = 20.0
 """Rivals whose score is worse by more are ruled out."""
 _SETTLED, _UNTOLD = "no rival is left", "no controls were found that would tell the rivals apart"
+_FAR_BEHIND = 1000.0
+"""Points behind the best one from which on a set is none that controls should tell from it, where nothing explains."""
 _WELL_KNOWN = 0.02
 """Standard error of the least certain parameter, in parts of it, from which on the user need not record more."""
 _HARDLY_LESS = 0.9
@@ -31,7 +34,7 @@ _ENDS = 2.0
 
 
 def propose(
-    explanation: Explanation, judgement: Judgement, runs: tuple[Run, ...], seed: int
+    explanation: Explanation, judgement: Judgement, runs: tuple[Run, ...], seed: int, doubts: Sequence[str] = ()
 ) -> tuple[dict[str, Any], str] | None:
     """Controls for the machine that tell most, as :func:`next_experiment` has them.
 
@@ -43,16 +46,18 @@ def propose(
         judgement: the verdict, and the rivals.
         runs: recordings.
         seed: of the random controls.
+        doubts: what seems to be wrong with the recordings; where nothing explains them, that comes first.
 
     Returns:
         The entry of ``diagnosis.json`` and the CSV text; None where nothing differs, and where no controls would tell.
     """
-    if judgement.verdict == "none":
+    if judgement.verdict == "none" or (judgement.verdict == "unknown" and doubts):
         return None
     shooting, engine = explanation.shooting, explanation.engine
     certain = judgement.verdict in ("named", "tie")
     best = judgement.rivals[0][0]
-    others = [fit for fit, distance, _ in judgement.rivals[1 : _RIVALS + 1] if not certain or distance < _OPEN]
+    far = _OPEN if certain else _FAR_BEHIND
+    others = [fit for fit, distance, _ in judgement.rivals[1 : _RIVALS + 1] if distance < far]
     one_way = is_one_way(shooting)
     for rival in (fit for fit in others if not (one_way and is_as_late(best, fit))):
         found = next_experiment(engine, [best, rival], runs, shooting.noise, seed, shooting.differences)
@@ -104,7 +109,7 @@ def least_certain(
 
     def sentence(trial: Trial) -> str:
         share = float(left_of_errors(shooting, fit, trial.run, trial.start)[place])
-        if enough and share > _HARDLY_LESS:
+        if share > _HARDLY_LESS:
             return f"{before}, and these controls would tell hardly more of {where}"
         if not known:
             return (

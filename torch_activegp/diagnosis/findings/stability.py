@@ -150,7 +150,7 @@ def _in_words(labels: Sequence[str], effects: Sequence[EffectStability], single:
     warnings = [words for effect in effects for words in _warnings(effect, labels)]
     shifts = [spread.shift for effect in effects for spread in effect.parameters.values()]
     if shifts and max(shifts) <= _FAR:
-        said += f"; no parameter moves by more than {max(shifts):.1f} standard errors"
+        said += f"; no parameter moves by more than {max(shifts):.2g} standard errors"
     return "; ".join([said, *warnings]) + ".", not warnings
 
 
