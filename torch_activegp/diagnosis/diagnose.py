@@ -173,6 +173,7 @@ def _report(
     proposal = propose(explanation, judgement, machine.fit, seed, doubts)
     if proposal is not None:
         files["next.csv"] = proposal[1]
+    remains = chosen.chi2 / max(shooting.dof - chosen.size, 1)
     details: dict[str, Any] = {
         "mismatch": {
             "detected": judgement.verdict != "none",
@@ -187,7 +188,7 @@ def _report(
         "unexplained": {
             "share": judgement.unexplained,
             "white": judgement.white,
-            "chi2_per_dof": chosen.chi2 / max(shooting.dof - chosen.size, 1),
+            "chi2_per_dof": remains,
         },
         "fit": {"holdout": holdout},
         "next_experiment": None if proposal is None else proposal[0],
@@ -197,7 +198,7 @@ def _report(
             *machine.notes,
             *late,
             *search_notes(explanation, machine.model, chosen.effects),
-            *forecast_notes(bool(named), chosen.chi2 / max(shooting.dof - chosen.size, 1), holdout, shooting.segments),
+            *forecast_notes(judgement.verdict, remains, holdout, shooting.segments),
             *_remainder_note(outcome),
             *numbers.notes,
             *open_notes,

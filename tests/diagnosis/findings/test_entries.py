@@ -40,3 +40,6 @@ def test_a_rival_that_was_given_up_in_a_race_is_not_reported(bench, worse, shown
     assert len(rivals) == shown
     assert len(rival_entries(explanation, SimpleNamespace(fit=whole, rivals=compared))) == 3  # unless it was chosen
     assert [rival["delta_bic"] for rival in rivals][-1] == 2.0
+    (first,) = rivals[0]["effects"]
+    assert first["parameters"] == {"coefficient": {"value": part.values[0][0], "unit": "N m s/rad"}}
+    assert rivals[-1]["effects"] == []

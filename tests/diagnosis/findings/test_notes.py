@@ -93,11 +93,19 @@ def test_where_nothing_comes_near_signs_and_units_are_named(bench, left: float, 
 
 
 @pytest.mark.parametrize(
-    ("named", "left", "ahead", "said"),
-    [(True, 1.1, 26.0, True), (True, 1.1, 9.0, False), (True, 2.5, 26.0, False), (False, 1.1, 26.0, False)],
+    ("verdict", "left", "ahead", "said"),
+    [("named", 1.1, 26.0, True), ("tie", 1.1, 9.0, False), ("named", 2.5, 26.0, False), ("none", 1.1, 26.0, False)],
 )
-def test_it_is_said_where_held_out_runs_are_forecast_far_worse_than_pieces_are_fitted(bench, named, left, ahead, said):
+def test_it_is_said_where_held_out_runs_are_forecast_far_worse_than_pieces_are_fitted(
+    bench, verdict, left, ahead, said
+):
     holdout = {"one_step": {"after": 0.01 * ahead, "noise": 0.01}}
-    notes = forecast_notes(named, left, holdout, bench.segments)
+    notes = forecast_notes(verdict, left, holdout, bench.segments)
     assert len(notes) == said
     assert not said or ("with 26 times the noise" in notes[0] and "1.1 times the noise (chi2 per dof)" in notes[0])
+
+
+def test_after_unknown_it_is_said_where_to_look(bench) -> None:
+    (note,) = forecast_notes("unknown", 50.0, {"one_step": {"after": 1.0, "noise": 0.1}}, bench.segments)
+    assert "signs and units" in note
+    assert "rows_late" in note

@@ -10,11 +10,13 @@ from torch_activegp.diagnosis.findings.hardness import with_hardness
 from torch_activegp.diagnosis.findings.open_forms import open_forms, widened
 from torch_activegp.diagnosis.findings.short_steps import Numbers
 from torch_activegp.diagnosis.inputs.machine import Machine
+from torch_activegp.diagnosis.inputs.runs import Array
 from torch_activegp.diagnosis.result import NamedEffect
 from torch_activegp.diagnosis.selection.explain import Explanation
-from torch_activegp.diagnosis.selection.intervals import estimates
+from torch_activegp.diagnosis.selection.intervals import estimates, unit_of
 from torch_activegp.diagnosis.selection.judge import Judgement
 from torch_activegp.diagnosis.shooting.fit import Fit
+from torch_activegp.physics.effect import Effect
 
 _SHOWN = 8
 """So many rivals are reported, and the nominal."""
@@ -65,20 +67,32 @@ def retuned_entries(explanation: Explanation, judgement: Judgement, numbers: Fit
 
 
 def rival_entries(explanation: Explanation, judgement: Judgement) -> list[dict[str, Any]]:
-    """The sets that came closest, and the nominal."""
+    """The sets that came closest, with their numbers, and the nominal."""
     dof = explanation.shooting.dof
     within = explanation.selection.within  # a set that was given up in a race fits worse than a part of itself
     ended = [rival for rival in judgement.rivals if rival[0] is judgement.fit or within(rival[0]) is None]
     shown = [rival for i, rival in enumerate(ended) if i < _SHOWN or not rival[0].effects]
     return [
         {
-            "effects": [{"name": name, "target": target} for name, target in (e.key for e in fit.effects)],
+            "effects": [
+                {"name": effect.name, "target": effect.target, "parameters": _numbers(effect, values)}
+                for effect, values in zip(fit.effects, fit.values, strict=True)
+            ],
             "chi2_per_dof": fit.chi2 / max(dof - fit.size, 1),
             "delta_bic": distance,
             "probability": weight,
         }
         for fit, distance, weight in shown
     ]
+
+
+def _numbers(effect: Effect, values: Array) -> dict[str, dict[str, Any]]:
+    """Parameters as their users know them, without intervals."""
+    described = effect.describe(values)
+    return {
+        name: {"value": float(value), "unit": unit_of(effect, name, i)}
+        for i, (name, value) in enumerate(described.items())
+    }
 
 
 def recording_entries(machine: Machine) -> list[dict[str, Any]]:

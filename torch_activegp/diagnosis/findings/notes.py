@@ -29,6 +29,11 @@ _MOST = 0.75
 _SLOWER = 1.5
 """Times as long from which on it is said."""
 _TO_AND_FRO = {"hysteresis": "hysteresis", "asymmetric_friction": "friction that differs between the directions"}
+_AFTER_UNKNOWN = (
+    "Where to look now, in this order: signs and units of each column; rows that hold the command that led to them "
+    "(`rows_late = 1` in a column map); joints, controls or loads that moved or changed and were not recorded; then "
+    "physics that is not on the list, for which the map says where and when (docs/diagnosis.md, After `unknown`)."
+)
 _QUIET, _FAR_OFF = 2.0, 10.0
 """Times the noise that names leave where it is fitted and that held-out runs are forecast with, from which on it is
 said. Right names had up to 11, on what sticks."""
@@ -58,21 +63,23 @@ def search_notes(explanation: Explanation, model: mujoco.MjModel, corrected: Seq
     ]
 
 
-def forecast_notes(named: bool, chi2_per_dof: float, holdout: Mapping[str, Any], segments: Segments) -> list[str]:
-    """What to doubt of names that leave noise in the pieces that are fitted, and much more in held-out runs.
+def forecast_notes(verdict: str, chi2_per_dof: float, holdout: Mapping[str, Any], segments: Segments) -> list[str]:
+    """Where to look after `unknown`, and what to doubt of names that leave noise, and much more in held-out runs.
 
     On a leg that squats, in pieces of 0.12 s, a push and a friction of the knee left what a load of the trunk and a
     damping did; held-out runs were forecast with 26 times the noise.
 
     Args:
-        named: whether anything is.
+        verdict: `none`, `named`, `tie` or `unknown`.
         chi2_per_dof: what the names leave.
         holdout: the errors on held-out runs.
         segments: the pieces.
     """
+    if verdict == "unknown":
+        return [_AFTER_UNKNOWN]
     step = holdout["one_step"]
     ratio = step["after"] / max(step["noise"], 1e-300)
-    if not named or chi2_per_dof > _QUIET or ratio < _FAR_OFF:
+    if verdict == "none" or chi2_per_dof > _QUIET or ratio < _FAR_OFF:
         return []
     return [
         f"One step ahead held-out runs are forecast with {ratio:.2g} times the noise, though the names leave "

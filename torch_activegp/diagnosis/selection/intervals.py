@@ -147,7 +147,7 @@ def estimates(shooting: Shooting, fit: Fit, effect: Effect) -> dict[str, Estimat
         half = wide * errors[name]
         if not 0.0 < half < np.inf:  # nothing that was recorded depends on it
             half = _UNSEEN * max(abs(value), scales.get(name, effect.parameters[0].scale))
-        out[name] = Estimate(value, _unit(effect, name, i), _interval(value, half, name in effect.never_negative))
+        out[name] = Estimate(value, unit_of(effect, name, i), _interval(value, half, name in effect.never_negative))
     return out
 
 
@@ -161,7 +161,7 @@ def _interval(value: float, half: float, never_negative: bool) -> tuple[float, f
     return value / ratio, value * ratio
 
 
-def _unit(effect: Effect, name: str, index: int) -> str:
+def unit_of(effect: Effect, name: str, index: int) -> str:
     """The unit of a described parameter: that of the parameter of the same name, else of the one in its place."""
     units = {p.name: p.unit for p in effect.parameters}
     position = effect.parameters[0].unit.partition("/")[2] or "rad"
