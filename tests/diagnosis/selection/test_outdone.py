@@ -94,3 +94,5 @@ def test_parameters_that_undo_a_tuning_are_no_names(bench, vector, law) -> None:
     longer = dataclasses.replace(law, values=(np.ones(3),))
     assert among(bench, tuned, longer, free=frozenset({wet.key})).best is tuned
     assert among(bench, tuned, law, free=frozenset({wet.key})).best is law
+    beside = dataclasses.replace(law, effects=(*law.effects, wet), values=(*law.values, np.ones(1)))
+    assert among(bench, vector, beside, free=frozenset({wet.key})).best is vector

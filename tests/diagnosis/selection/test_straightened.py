@@ -38,10 +38,9 @@ def test_springs_stand_in_place_of_a_wave_at_its_bound_with_about_its_pull(bench
 
 def test_faster_waves_stay_and_sums_of_waves(bench, wave) -> None:
     assert straightened(of(bench, wave, 1.1 * wave.parameters[2].low), bench.effects) == []
-    low = wave.parameters[2].low
-    several = dataclasses.replace(
-        bench.nominal, effects=(wave.more,), values=(np.array([0.1, 0.1, 0.1, 0.1, low, 2 * low]),)
-    )
+    least = wave.more.parameters[4].low
+    held = (np.array([0.1, 0.1, 0.1, 0.1, least, 2 * least]),)
+    several = dataclasses.replace(bench.nominal, effects=(wave.more,), values=held)
     assert straightened(several, bench.effects) == []
 
 

@@ -31,7 +31,9 @@ def straightened(best: Fit, effects: Sequence[Effect]) -> list[Set]:
     """
     sets = list[Set]()
     for wave, values in best.by_effect.items():
-        if not isinstance(wave, Cogging) or wave.linear != 2 or values[2] > _AT_ITS_LEAST * wave.parameters[2].low:
+        if not isinstance(wave, Cogging) or wave.linear > 2:
+            continue
+        if values[wave.linear] > _AT_ITS_LEAST * wave.parameters[wave.linear].low:
             continue
         positions = np.linspace(*wave.range, _POSITIONS)
         speeds = np.zeros(_POSITIONS)
