@@ -96,11 +96,15 @@ class JointStop(JointEffect):
         """
         half = np.sqrt(np.maximum(values[0], 0.0) * self.inertia)
         beside = [np.array([values[0], damping, values[2]]) for damping in (half, 2.0 * half) if half > 0.0]
-        depth = max(float(self.end - values[2]), self.parameters[2].scale * _HARDEST)
+        depth = self._depth(values)
         hard = self.inertia * (self.speed / depth) ** 2
         if hard * _SOFT <= values[0]:
             return beside
         return [*beside, np.array([hard, _BOUNCES * np.sqrt(hard * self.inertia), values[2]])]
+
+    def _depth(self, values: Array) -> float:
+        """How deep the motion's end is past the stop, rad or m; a little where it does not reach it."""
+        return max(float(self.end - values[2]), self.parameters[2].scale * _HARDEST)
 
     def further_in(self, values: Array) -> list[Array]:
         """Earlier on the way, with the same force at its end, and as much of the critical damping.
@@ -117,7 +121,7 @@ class JointStop(JointEffect):
 
     def as_hard(self, values: Array) -> list[Array]:
         """Softer or harder, with the motion's end where it is, and as much of the critical damping."""
-        depth = max(float(self.end - values[2]), self.parameters[2].scale * _HARDEST)
+        depth = self._depth(values)
         beside = ([f * values[0], np.sqrt(f) * values[1], self.end - depth / np.sqrt(f)] for f in _HARDNESSES)
         return [np.array(one) for one in beside if one[2] > self.parameters[2].low]
 
