@@ -15,9 +15,10 @@ from torch_activegp.diagnosis.noise.model import NoiseModel
 from torch_activegp.diagnosis.preparation.lengths import Lengths
 from torch_activegp.diagnosis.preparation.numerics import Numerics
 from torch_activegp.diagnosis.selection import explain as module
-from torch_activegp.diagnosis.selection.explain import _finish, _Start, _start, _with_noise, explain
+from torch_activegp.diagnosis.selection.explain import _finish, _start, explain
 from torch_activegp.diagnosis.selection.first_names import Naming, besides, on_a_part
 from torch_activegp.diagnosis.selection.search import Depth, select
+from torch_activegp.diagnosis.selection.start import Start
 from torch_activegp.diagnosis.shooting.likelihood import Shooting
 from torch_activegp.errors import SimulationError
 from torch_activegp.simulators import FunctionSimulator
@@ -109,40 +110,6 @@ def test_numerics_are_judged_again_by_another_noise_only_where_it_is_clearly_ano
     assert found.selection.best.keys == {("viscous_friction", "joint:hip")}
     assert found.shooting.noise.scale[0] == pytest.approx(bench.noise, rel=0.15)
     assert found.selection.best.chi2 / found.shooting.dof == pytest.approx(1.0, abs=0.2)
-
-
-@pytest.mark.parametrize(
-    ("steps", "colour", "lead", "far", "anew"),
-    [
-        ([0.8], 0.0, "viscous_friction", False, 0),
-        ([0.8, 0.6], 0.0, "viscous_friction", False, 1),
-        ([1.0], 0.4, "viscous_friction", False, 1),
-        ([0.8], 0.0, "quadratic_drag", False, 1),
-        ([0.8], 0.0, "viscous_friction", True, 1),
-    ],
-)
-def test_numerics_are_kept_for_much_the_same_noise_behind_the_same_set(
-    bench, monkeypatch, steps, colour, lead, far, anew
-) -> None:
-    """Not for noise that became another one little by little, is slower, or where segments are too far off."""
-    numerics, first = Numerics.of(bench.machine, 1), bench.fit("viscous_friction", 0.05)
-    engine, shooting, noise = numerics.fine, bench.shooting, bench.shooting.noise
-    start = _Start(engine, shooting, bench.nominal, [], first, frozenset(), noise)
-    if far:
-        monkeypatch.setattr("torch_activegp.diagnosis.selection.explain._TOO_FAR", 0.1)
-        again = Lengths(shooting.segments, bench.nominal, bench.nominal, engine)
-        monkeypatch.setattr("torch_activegp.diagnosis.selection.explain.longest", lambda *_: again)
-    asked: list[int] = []
-    monkeypatch.setattr(Numerics, "choose", lambda *_: asked.append(1) or (engine, shooting, bench.nominal, first))
-    best = dataclasses.replace(first, effects=(bench.effect(lead),), values=(np.array([0.04]),))
-    for step in steps:
-        other = NoiseModel(noise.scale * step, np.array([[colour, 0.0]]))
-        start = _with_noise(bench.machine, numerics, start, best, [], start.free, other, lambda _: None)
-    assert len(asked) == anew
-    if not anew:
-        assert start.shooting.noise is other
-        assert start.first.chi2 == pytest.approx(first.chi2 / 0.8**2, rel=1e-3)
-        assert start.nominal.chi2 == pytest.approx(bench.nominal.chi2 / 0.8**2, rel=1e-2)
 
 
 @pytest.mark.parametrize("early", [True, False])
@@ -399,7 +366,7 @@ def test_numerics_are_not_chosen_again_behind_the_same_names_as_they_were(bench,
     fit = bench.fit("viscous_friction", 0.05)
     selection = select(bench.shooting, some(bench), bench.nominal, first=fit)
     numerics = Numerics.of(bench.machine, 1)
-    start = _Start(bench.engine, bench.shooting, bench.nominal, [], fit, frozenset(), bench.shooting.noise)
+    start = Start(bench.engine, bench.shooting, bench.nominal, [], fit, frozenset(), bench.shooting.noise)
     for worse, looked in ((1.1, 0), (2.0, 1)):
         calls.clear()
         judged = dataclasses.replace(fit, chi2=worse * fit.chi2)

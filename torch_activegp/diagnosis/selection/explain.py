@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 
 import numpy as np
 
@@ -14,11 +14,9 @@ from torch_activegp.diagnosis.noise.floor import noise_floor
 from torch_activegp.diagnosis.noise.model import NoiseModel
 from torch_activegp.diagnosis.preparation.brief_pieces import closest
 from torch_activegp.diagnosis.preparation.given_numerics import numerics_of
-from torch_activegp.diagnosis.preparation.late import Sets
 from torch_activegp.diagnosis.preparation.lengths import Lengths, longest
 from torch_activegp.diagnosis.preparation.noise_left import noise_behind, raised
 from torch_activegp.diagnosis.preparation.numerics import Numerics
-from torch_activegp.diagnosis.preparation.telling import CREEPS
 from torch_activegp.diagnosis.selection.compared import Selection
 from torch_activegp.diagnosis.selection.corrections import correct_alike
 from torch_activegp.diagnosis.selection.finer_steps import nameless_in_finer_steps, of_a_step, without_a_step
@@ -28,7 +26,8 @@ from torch_activegp.diagnosis.selection.own_errors import by_their_own_errors
 from torch_activegp.diagnosis.selection.polish import polish
 from torch_activegp.diagnosis.selection.process_left import process_behind
 from torch_activegp.diagnosis.selection.prospects import hopeless
-from torch_activegp.diagnosis.selection.search import Depth, select
+from torch_activegp.diagnosis.selection.search import select
+from torch_activegp.diagnosis.selection.start import NO_FURTHER, TOO_FAR, WHOLE, Start, Tell, once_more, with_noise
 from torch_activegp.diagnosis.selection.weak import also_weak
 from torch_activegp.diagnosis.shooting.fit import Fit
 from torch_activegp.diagnosis.shooting.likelihood import Shooting
@@ -38,20 +37,11 @@ from torch_activegp.errors import SimulationError
 from torch_activegp.physics.effect import Effect
 
 _FAR = 60.0
-"""Segments are shortened for the first names until the nominal's chi2 is below so much per degree of freedom."""
-_TOO_FAR = 400.0
-"""The same for the names in the end."""
+"""As :data:`TOO_FAR`, for the first names."""
 _LED = 3.0
 """Times the noise up to which names found in brief pieces need no part of the data any more."""
-_LIKE = 1.5
-"""Numerics are not chosen again for noise that differs by less than this factor, at any frequency."""
 _ANEW = 3
 """How often noise is taken anew behind what all data say."""
-_WHOLE, _ONCE_MORE = Depth(), Depth(work=10e6, more=5e6)
-"""The second where a search is done again, by another noise or other numerics, from what was found."""
-_NO_FURTHER, _IN_VAIN = Depth(rounds=0, work=2e6, more=0.0), Depth(swaps=0, work=3e6, stepwise=False, more=2e6)
-"""Where a long search on a part left much more than noise, what is missing is hardly on the list: its best set is
-fitted to all data, for what it leaves. Where that shows another noise, a little is searched by it."""
 _AGAIN = 3
 """How often numerics are looked at again behind new names."""
 _SETTLED = 0.8
@@ -79,27 +69,6 @@ class Explanation:
     firm: bool = False
 
 
-Tell = Callable[[str], None]
-
-
-@dataclasses.dataclass(frozen=True)
-class _Start:
-    """What naming on all data begins from: numerics, likelihood, fits of the nominal and of a set, more sets.
-
-    And the noise by which the numerics were chosen, which may be an earlier one than the likelihood's; and how deep to
-    search.
-    """
-
-    engine: Engine
-    shooting: Shooting
-    nominal: Fit
-    sets: Sets
-    first: Fit
-    free: frozenset[tuple[str, str]]
-    noise: NoiseModel
-    depth: Depth = _WHOLE
-
-
 def explain(
     machine: Machine,
     effects: Sequence[Effect],
@@ -123,42 +92,60 @@ def explain(
     noise = noise_floor(machine.fit)
     numerics = dataclasses.replace(numerics, coarse=closest(numerics, machine, noise))
 
-    def begin() -> _Start:
+    work = _Work(machine, numerics, effects, tell)
+
+    def begin() -> Start:
         long = keep.once("length of segments", lambda: longest(machine, numerics, noise, _FAR))
         return _start(machine, numerics, noise, effects, long, tell)
 
-    def select_from(start: _Start) -> Selection:
-        _refuse_failed(start.shooting.segments, start.nominal)
-        return select(start.shooting, effects, start.nominal, start.sets, start.first, tell, start.free, start.depth)
-
-    def name() -> tuple[_Start, Selection]:
-        start = keep.once("naming on a part of the data", begin)
-        first = start.first
-        floor = raised(noise, start.noise)
-        if first.effects and (other := noise_behind(start.shooting, first, floor)) is not None:
-            floor = raised(floor, other)
-            start = _with_noise(machine, numerics, start, first, start.sets, start.free, other, tell)
-        tell("naming on all data")
-        selection = select_from(start)
-        turn = 1
-        while (
-            turn <= _ANEW and (other := noise_behind(start.shooting, selection.best, floor, turn == _ANEW)) is not None
-        ):
-            floor, turn = raised(floor, other), turn + 1
-            start, selection = behind(start, selection, other)
-        shaken = process_behind(start.shooting, start.nominal, selection.best)
-        return (start, selection) if shaken is None else behind(start, selection, shaken)
-
-    def behind(start: _Start, selection: Selection, noise: NoiseModel) -> tuple[_Start, Selection]:
-        best, free = selection.best, selection.score.free
-        start = _with_noise(machine, numerics, start, best, besides(leaders(selection), best), free, noise, tell)
-        start = dataclasses.replace(start, depth=_once_more(start.depth))
-        return start, select_from(start)
+    def name() -> tuple[Start, Selection]:
+        return work.name(keep.once("naming on a part of the data", begin), noise)
 
     def finish() -> Explanation:
         return _finish(numerics, effects, *keep.once("naming on all data", name), tell)
 
     return keep.once("naming", finish)
+
+
+@dataclasses.dataclass(frozen=True)
+class _Work:
+    """Naming on all data: what is looked at, and what is tried."""
+
+    machine: Machine
+    numerics: Numerics
+    effects: Sequence[Effect]
+    tell: Tell
+
+    def name(self, start: Start, floor: NoiseModel) -> tuple[Start, Selection]:
+        """The names on all data, and what they began from in the end, from the noise there seemed to be at first."""
+        first = start.first
+        floor = raised(floor, start.noise)
+        if first.effects and (other := noise_behind(start.shooting, first, floor)) is not None:
+            floor = raised(floor, other)
+            start = with_noise(self.machine, self.numerics, start, first, start.sets, start.free, other, self.tell)
+        self.tell("naming on all data")
+        selection = self._select(start)
+        turn = 1
+        while (
+            turn <= _ANEW and (other := noise_behind(start.shooting, selection.best, floor, turn == _ANEW)) is not None
+        ):
+            floor, turn = raised(floor, other), turn + 1
+            start, selection = self._behind(start, selection, other)
+        shaken = process_behind(start.shooting, start.nominal, selection.best)
+        return (start, selection) if shaken is None else self._behind(start, selection, shaken)
+
+    def _select(self, start: Start) -> Selection:
+        _refuse_failed(start.shooting.segments, start.nominal)
+        tried, tell = self.effects, self.tell
+        return select(start.shooting, tried, start.nominal, start.sets, start.first, tell, start.free, start.depth)
+
+    def _behind(self, start: Start, selection: Selection, noise: NoiseModel) -> tuple[Start, Selection]:
+        """The same by another noise."""
+        best, free = selection.best, selection.score.free
+        rest = besides(leaders(selection), best)
+        start = with_noise(self.machine, self.numerics, start, best, rest, free, noise, self.tell)
+        start = dataclasses.replace(start, depth=once_more(start.depth))
+        return start, self._select(start)
 
 
 def _start(
@@ -168,10 +155,10 @@ def _start(
     effects: Sequence[Effect],
     long: Lengths,
     tell: Tell,
-) -> _Start:
+) -> Start:
     """Names on a part of the data where there is much to explain, and in brief pieces before where it is very much."""
     segments, first = long.segments, long.nominal
-    far = bool(first.chi2 > _TOO_FAR * segments.counts.sum() * segments.position.shape[-1])
+    far = bool(first.chi2 > TOO_FAR * segments.counts.sum() * segments.position.shape[-1])
     hint = in_brief_pieces(machine, numerics, noise, effects, tell) if far else None
     sets, free = (hint.sets, hint.free) if hint is not None else ([], frozenset())
     naming = Naming(*numerics.choose(segments, noise, first, first, sets), sets, free)
@@ -188,7 +175,7 @@ def _start(
         sets, astray = naming.sets, naming.lost or naming.in_vain
         used = shooting.segments
         near = long.halved and not naming.in_vain and bool(used.far_off(nominal.per_segment, _FAR / 4).any())
-        fewer = longest(machine, numerics, noise, _TOO_FAR, long) if near else long
+        fewer = longest(machine, numerics, noise, TOO_FAR, long) if near else long
         longer = fewer.segments.size < segments.size
         if longer:
             used, nominal = fewer.segments, fewer.nominal
@@ -198,49 +185,12 @@ def _start(
             engine, shooting, nominal, judged = numerics.choose(used, noise, nominal, nominal, sought, only=only)
     aside = hint.yet_to_try(judged, shooting) if hint is not None else []
     rest = besides([*sets[: 1 if naming.in_vain else None], *aside], judged)
-    depth = _NO_FURTHER if naming.in_vain else _WHOLE
-    return _Start(engine, shooting, nominal, rest, judged, naming.free, noise, depth)
-
-
-def _with_noise(
-    machine: Machine,
-    numerics: Numerics,
-    start: _Start,
-    best: Fit,
-    rest: Sets,
-    free: frozenset[tuple[str, str]],
-    noise: NoiseModel,
-    tell: Tell,
-) -> _Start:
-    """What naming begins from where what is left shows that the noise is another one.
-
-    Numerics are judged by it too, unless it is much like the one that they were chosen by, behind a set that holds this
-    one; from where the best set was fitted, for a stop that begins elsewhere may end anywhere, by any form. Beside an
-    acceleration segments may be longer again: on EMPS all recordings count then, not 72 % of them.
-    """
-    tell("naming with the noise seen behind the effects")
-    depth = _IN_VAIN if start.depth == _NO_FURTHER else start.depth
-    segments, nominal = start.shooting.segments, start.nominal
-    sets: Sets = [*([(best.effects, best.values)] if best.effects else []), *rest]
-    loud = float((start.shooting.noise.innovation / noise.innovation).max())
-    far = bool(segments.far_off(nominal.per_segment * loud**2, _TOO_FAR).any())
-    near, nominal = best.without_derivatives, nominal.without_derivatives  # which are those of the other noise
-    known = bool(sets and np.isfinite(start.first.chi2)) and set(sets[0][0]) <= set(start.first.effects)
-    if not far and known and _alike(noise, start.noise):
-        shooting = dataclasses.replace(start.shooting, noise=noise)
-        bare = shooting.fit([((), ())], nominal.starts, CREEPS, near=nominal)[0]
-        judged = shooting.fit(sets[:1], near.starts, near=near)[0]
-        return _Start(start.engine, shooting, bare, besides(sets, judged), judged, free, start.noise, depth)
-    if far:
-        longer = longest(machine, numerics, noise, _TOO_FAR)
-        segments, nominal = longer.segments, longer.nominal
-        near = nominal
-    engine, shooting, nominal, judged = numerics.choose(segments, noise, near, nominal, sets)
-    return _Start(engine, shooting, nominal, besides(sets, judged), judged, free, noise, depth)
+    depth = NO_FURTHER if naming.in_vain else WHOLE
+    return Start(engine, shooting, nominal, rest, judged, naming.free, noise, depth)
 
 
 def _finish(
-    numerics: Numerics, effects: Sequence[Effect], start: _Start, selection: Selection, tell: Tell
+    numerics: Numerics, effects: Sequence[Effect], start: Start, selection: Selection, tell: Tell
 ) -> Explanation:
     """Looks at the numerics once more behind the effects, unless chosen behind these, or these explain little."""
     engine, shooting, nominal, judged = start.engine, start.shooting, start.nominal, start.first
@@ -257,7 +207,7 @@ def _finish(
                 engine, shooting, nominal = again, other, bare
                 tell("naming with the numerics seen behind the effects")
                 rest = besides(first, judged)
-                depth = _once_more(start.depth)
+                depth = once_more(start.depth)
                 selection = select(shooting, effects, bare, rest, judged, tell, selection.score.free, depth)
         before, selection = selection.best, also_weak(shooting, selection, effects, tell)
         found = selection.best
@@ -276,10 +226,6 @@ def _finish(
     return Explanation(engine, shooting, selection, tuple(effects), fine, firm)
 
 
-def _once_more(depth: Depth) -> Depth:
-    return _ONCE_MORE if depth == _WHOLE else depth
-
-
 def _refuse_failed(segments: Segments, nominal: Fit) -> None:
     """Raises a `SimulationError` where nothing can be compared: the simulation fails without effects."""
     if np.isfinite(nominal.chi2):
@@ -290,11 +236,3 @@ def _refuse_failed(segments: Segments, nominal: Fit) -> None:
         f"diagnose: the simulator fails in {run.label} after {run.time[first]:.3g} s (its state is no number, or a "
         "warning was raised). Its forecasts begin at the recorded positions there: check that it can simulate them."
     )
-
-
-def _alike(one: NoiseModel, other: NoiseModel) -> bool:
-    """Whether two noises are about as loud in all channels, in what is new and in what is slow, and none shakes one."""
-    if one.process is not None or other.process is not None:
-        return False
-    fast, slow = np.log(one.innovation / other.innovation), np.log(one.slow / other.slow)
-    return bool(max(np.abs(fast).max(), np.abs(slow).max()) < np.log(_LIKE))
