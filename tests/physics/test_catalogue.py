@@ -37,13 +37,13 @@ def effects(bench: Any) -> list[Effect]:
 
 def every(test: Any) -> Any:
     """One test for each of the effects of the arm."""
-    return pytest.mark.parametrize("number", range(93))(test)
+    return pytest.mark.parametrize("number", range(97))(test)
 
 
 def test_the_catalogue_holds_every_name(bench: Any) -> None:
     found = effects(bench)
     assert {effect.name for effect in found} == NAMES
-    assert len(found) == 93
+    assert len(found) == 97
     assert max(Counter((*effect.key, effect.variant) for effect in found).values()) == 1
     targets = {effect.target.partition(":")[0] for effect in found}
     assert targets == {"joint", "actuator", "sensor", "body", "world"}
@@ -119,7 +119,7 @@ def test_a_users_class_is_tried_wherever_it_can_act(bench: Any) -> None:
     found = catalogue(
         bench.model, [bench.shoulder, bench.elbow], [bench.drive, bench.servo], sensors, list(kinds.values())
     )
-    assert len(found) == 93 + 6
+    assert len(found) == 97 + 6
     for where, kind in kinds.items():
         made = [effect for effect in found if type(effect) is kind]
         assert len({effect.target for effect in made}) == 2

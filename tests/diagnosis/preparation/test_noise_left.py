@@ -231,6 +231,19 @@ def test_a_slight_colour_is_taken_for_noise_where_it_is_no_louder_than_the_floor
         assert omnibus(shooting, fit).excess > 2.0 * omnibus(dataclasses.replace(shooting, noise=found), fit).excess
 
 
+@pytest.mark.parametrize(("rows", "level", "seen"), [(1, 0.85e-3, False), (2, 0.85e-3, True), (2, 0.75e-3, False)])
+def test_a_slight_colour_may_be_louder_than_the_floor_where_rows_hide_it(clean, monkeypatch, rows, level, seen) -> None:
+    """At 50 Hz nobody sees a filter; what it leaves is 1.4 times the floor, not 1.8."""
+    shooting, fit = with_noise(clean, level, 1e-3, 0.3)
+    slow = dataclasses.replace(
+        shooting, segments=dataclasses.replace(shooting.segments, dt=rows * shooting.segments.dt)
+    )
+    assert slow.hides_colour is (rows > 1)
+    left = noise_left._left(shooting, fit)
+    monkeypatch.setattr(noise_left, "_left", lambda *_: left)
+    assert recoloured(slow, fit).colour.any() == seen
+
+
 def test_white_noise_and_noise_of_a_known_colour_stay_as_they_are(clean) -> None:
     shooting, fit = with_noise(clean, 1e-3, 1e-3)
     assert not recoloured(shooting, fit).colour.any()

@@ -122,6 +122,14 @@ def test_it_is_asked_only_where_little_is_missing_and_something_touches(leaning,
     assert Numerics.of(bench.machine, 1).finer == ()
 
 
+def test_what_is_tied_is_asked_in_all_shorter_steps(clean) -> None:
+    """A constraint is as soft as a time step is long: a five-bar's truth had a tenth of its model's."""
+    tie = '<equality><joint joint1="hip" active="false"/></equality></mujoco>'
+    model = mujoco.MjModel.from_xml_string(clean.xml.replace("</mujoco>", tie))
+    forms = Numerics.of(dataclasses.replace(clean.machine, model=model), 1)
+    assert [form.substeps // forms.given.substeps for form in forms.finer] == [2, 4, 5, 10, 20]
+
+
 @pytest.mark.parametrize(("steps", "nameless"), [(5, True), (None, False)])
 def test_a_rotor_that_stands_for_explicit_damping_is_no_name(clean, steps: int | None, nameless: bool) -> None:
     """In a simulator of first order it is h D too heavy; one that is too heavy stays, however the model integrates."""
@@ -200,6 +208,20 @@ def test_a_damping_that_stands_for_half_a_step_beside_another_name(clean, monkey
         assert selection.best is some
         assert of_a_step(numerics, numerics.fine, shooting, selection) == names
     assert asked == [1]  # not where nothing else is named
+
+
+@pytest.mark.parametrize(("steps", "beside", "late"), [(0.4, "backlash", True), (0.6, "backlash", False)])
+def test_what_is_late_by_less_than_half_a_step_beside_what_strikes_is_no_name(clean, steps, beside, late) -> None:
+    """It strikes when a step ends. Beside what does not strike, another form of the model must do as well."""
+    numerics = Numerics.of(clean.machine, 1)
+    play, delay = clean.effect(beside), clean.effect("actuator_delay", "actuator:drive")
+    step = 0.01 / numerics.given.substeps
+    values = (play.seeds[0], np.array([steps * step]))
+    best = dataclasses.replace(clean.nominal, effects=(play, delay), values=values, chi2=clean.nominal.chi2 - 1e3)
+    selection = Selection(clean.nominal, [clean.nominal, best], Score(clean.shooting.samples, 60, 1.0))
+    assert selection.best is best
+    found = of_a_step(numerics, numerics.fine, clean.shooting, selection)
+    assert found == (frozenset([delay]) if late else frozenset())
 
 
 def test_names_that_were_found_in_such_steps_stay(leaning, monkeypatch) -> None:

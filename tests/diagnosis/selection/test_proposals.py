@@ -45,6 +45,17 @@ def test_richer_laws_start_as_the_law_that_they_contain(bench) -> None:
     assert richer(bench.nominal, bench.effects) == []
 
 
+def test_forms_that_stand_in_are_no_richer_law_and_none_with_more_than_a_level_is_a_simpler_one(bench) -> None:
+    """Bristles are tried in place of the firm law alone; of three numbers they have no level to begin with."""
+    dry = bench.fit("coulomb_friction", 0.05)
+    assert {e.variant for effects, _ in richer(dry, bench.effects) for e in effects} <= {"", "coulomb"}
+    rich = next(e for e in bench.effects if e.name == "stribeck_friction" and not e.variant)
+    fit = dataclasses.replace(dry, effects=(rich,), values=(rich.seeds[0],))
+    plain = [(e, v) for effects, vs in simpler(fit, bench.effects, {}, 0.0) for e, v in zip(effects, vs, strict=True)]
+    assert {len(v) for e, v in plain if e.name == "coulomb_friction"} == {1}
+    assert all(len(value) == len(effect.parameters) for effect, value in plain)
+
+
 def test_a_law_begins_as_what_it_contains_or_as_it_was(bench) -> None:
     """Stribeck's friction without an excess, at its own width; two equal levels; a spring contains no friction."""
     level, pairs = 0.01, [(bench.effect("coulomb_friction"), np.array([0.01]))]
@@ -93,11 +104,14 @@ def test_a_simpler_law_that_got_stuck_elsewhere_is_tried_from_here(bench) -> Non
 
 def test_another_form_of_a_name_is_tried_in_its_place(bench) -> None:
     forms = {e.variant: e for e in bench.effects if e.key == ("coulomb_friction", "joint:hip")}
-    for one, other in (("", "soft"), ("soft", "")):
-        value = (np.array([0.02]),)
-        fit = dataclasses.replace(bench.nominal, effects=(forms[one],), values=value, chi2=1000.0)
-        assert simpler(fit, bench.effects, {}, 1040.0) == [((forms[other],), value)]
-        assert simpler(fit, bench.effects, {frozenset({forms[other]}): 2000.0}, 1040.0) == []
+    for one, others in (("", {"soft", "bristles"}), ("soft", {"", "bristles"}), ("bristles", {"", "soft"})):
+        value = np.array([0.02, *forms[one].seeds[0][1:]])
+        fit = dataclasses.replace(bench.nominal, effects=(forms[one],), values=(value,), chi2=1000.0)
+        sets = simpler(fit, bench.effects, {}, 1040.0)
+        assert {effect.variant for (effect,), _ in sets} == others
+        assert all(value[0] == 0.02 for _, (value,) in sets)
+        known = {frozenset(effects): 2000.0 for effects, _ in sets}
+        assert simpler(fit, bench.effects, known, 1040.0) == []
 
 
 def test_what_one_form_leaves_to_a_second_name_another_form_may_hold_alone(bench) -> None:

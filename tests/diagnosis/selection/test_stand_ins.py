@@ -13,6 +13,7 @@ from torch_activegp.diagnosis.selection.stand_ins import (
     _enough,
     _in_place,
     forms_of_parts,
+    may_tell,
     soften,
     swap,
     try_tuned,
@@ -264,3 +265,38 @@ def test_two_of_which_one_contains_the_other_are_no_pair(bench) -> None:
         assert all(len(some & {"coulomb_friction", "stribeck_friction"}) < 2 for some in names)
         assert all(len(some & {"viscous_friction", "asymmetric_friction"}) < 2 for some in names)
         assert all(effect.name not in some for some in names)
+
+
+@pytest.mark.parametrize(("scale", "found"), [(5.0, True), (1.5, False)])
+def test_the_one_name_that_leaves_least_is_tried_in_its_other_forms_where_much_is_left(bench, scale, found) -> None:
+    """A gap left less than any other name, and with the joint's damping on the motor a fifth of that."""
+    wet, dry = bench.fit("viscous_friction", 0.05), bench.effect("coulomb_friction")
+    two = (bench.effect("constant_force"), bench.effect("quadratic_drag"))
+    best = dataclasses.replace(wet, effects=two, values=(np.ones(1),) * 2)
+    lefts = {dry: 0.7, bench.effect("stribeck_friction"): 0.6}
+    others = [
+        dataclasses.replace(
+            wet,
+            effects=(effect,),
+            values=(effect.seeds[0],),
+            chi2=bench.nominal.chi2 - share * (bench.nominal.chi2 - best.chi2),
+        )
+        for effect, share in lefts.items()
+    ]
+    selection = Selection(bench.nominal, [bench.nominal, *others, best], Score(bench.shooting.samples, 60, scale))
+    sets = forms_of_parts(selection, bench.effects, set())
+    assert bool(sets) is found
+    assert {effects[0].key for effects, _ in sets} <= {dry.key}
+    assert all(effects[0] is not dry for effects, _ in sets)
+
+
+def test_bristles_are_tried_where_more_than_noise_is_left_or_where_they_spare_a_name(bench) -> None:
+    forms = {effect.variant: effect for effect in bench.effects if effect.name == "coulomb_friction"}
+    bristled, push = forms["bristles"], bench.effect("constant_force")
+    wet = bench.fit("viscous_friction", 0.05)
+    best = dataclasses.replace(wet, effects=(forms[""], push), values=(np.ones(1),) * 2)
+    alone, beside = ((bristled,), (bristled.seeds[0],)), ((bristled, push), (bristled.seeds[0], np.ones(1)))
+    firm = ((forms["soft"], push), (np.ones(1), np.ones(1)))
+    for scale, kept in ((1.05, [alone, firm]), (1.5, [alone, beside, firm])):
+        selection = Selection(best, [best], Score(bench.shooting.samples, 60, scale))
+        assert may_tell([alone, beside, firm], selection) == kept

@@ -55,8 +55,9 @@ _FAR, _APART, _ABSORBED, _LITTLE = (60, 150), 8, 3.0, 1e-4
 states absorb much of, and part of the largest power that is none. By 60 lags a force at 5 Hz, recorded at 250 Hz, is
 told from none below by a factor of 0.7, and by 143 of 8; of it a force in bins of 0.2 s sees a fifth."""
 _LOUDER = 1.2
-_AS_LOUD, _SLIGHT = 1.15, 0.4
-"""Floors are known to so much, in variance; the pole of a slight colour."""
+_AS_LOUD, _UNSEEN, _SLIGHT = 1.15, (1.5, _STRICTLY_FRESH), 0.4
+"""Floors are known to so much, in variance, and where no colour can be seen, if what is new is as white: at 50 Hz noise
+of a pole of 0.4 was 1.4 times its floor, and a spring behind a tuning `unknown`; the pole of a slight colour."""
 
 
 def noise_behind(
@@ -114,10 +115,10 @@ def recoloured(shooting: Shooting, fit: Fit) -> NoiseModel:
     scale, colour = noise.scale.copy(), noise.colour.copy()
     for channel, left in enumerate(_left(shooting, fit)):
         thought, poles = _of(noise, channel), left.colour()
-        new, before = left.innovation(poles), left.innovation(thought.poles)
-        no_louder = not any(thought.poles) and before < _AS_LOUD * thought.innovation
-        slight = 0.0 < poles[0] <= _SLIGHT and poles[1] == 0.0
-        if no_louder and slight and left.is_white_behind(poles):
+        new, before = left.innovation(poles), left.innovation(thought.poles) / thought.innovation
+        slight = not any(thought.poles) and 0.0 < poles[0] <= _SLIGHT and poles[1] == 0.0
+        bar, fresh = (_AS_LOUD, _FRESH) if before < _AS_LOUD or not shooting.hides_colour else _UNSEEN
+        if slight and before < bar and left.is_white_behind(poles, fresh):
             scale[channel], colour[channel] = np.sqrt(new) / colour_scale(poles), poles
     return dataclasses.replace(noise, scale=scale, colour=colour)
 

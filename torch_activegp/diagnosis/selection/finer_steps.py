@@ -73,7 +73,8 @@ def of_a_step(numerics: Numerics, engine: Engine, shooting: Shooting, selection:
 
     Those of first order leave so little damping or inertia that they are not taken for a form of the model, which must
     be better by 3 %, and enough for a name beside others: behind servos of 700 N m/rad, simulated in 0.25 ms, a damping
-    of -0.056 N m s/rad gained 200 of 11 thousand beside the right delay.
+    of -0.056 N m s/rad gained 200 of 11 thousand beside the right delay. What strikes does so when a step ends: beside
+    a gap in a leg's knee, in steps of 0.5 ms, a delay of 0.17 ms gained 450 of 116 thousand.
 
     Args:
         numerics: the forms of the model.
@@ -83,6 +84,9 @@ def of_a_step(numerics: Numerics, engine: Engine, shooting: Shooting, selection:
     """
     best, score = selection.best, selection.score
     step = median_step(shooting.segments.runs) / numerics.given.substeps
+    late = frozenset(e for e, v in best.by_effect.items() if e.name in LIKE_A_TIME_STEP and v[0] < 0.5 * step)
+    if late and any(effect.strikes for effect in best.effects):
+        return late
     kept = without_half_steps([(best.effects, best.values)], numerics.given.model, step)
     if numerics.stiff or not kept or not kept[0][0]:
         return frozenset()

@@ -122,7 +122,7 @@ def richer(fit: Fit, effects: Sequence[Effect]) -> list[Set]:
     out: list[Set] = []
     for k, old in enumerate(fit.effects):
         for effect in effects:
-            if not contains(effect, old) or old.linear != 1:
+            if not contains(effect, old) or old.linear != 1 or effect.stands_in:
                 continue
             others = [(e, v) for i, (e, v) in enumerate(zip(fit.effects, fit.values, strict=True)) if i != k]
             for seed in effect.seeds:
@@ -167,7 +167,7 @@ def simpler(
     for effect, value in ((e, v) for e, v in pairs if e.key not in free):
         others = [(e, v) for e, v in pairs if e is not effect]
         for law in effects:
-            if contains(effect, law) and law.linear == 1:
+            if contains(effect, law) and len(law.parameters) == 1:
                 alone = [*others, (law, np.array([value[: effect.linear].mean()]))]
                 plain += [paired([*alone, *more]) for more in ([], *_offset(best, effect, value, effects, free))]
     plain += [*map(paired, [*merged(pairs, effects), *pushes_alone(pairs, effects)]), *_once_less(pairs, effects)]

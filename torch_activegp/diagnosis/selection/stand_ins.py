@@ -25,6 +25,7 @@ from torch_activegp.diagnosis.selection.screening import Atom, Screen, allowed, 
 from torch_activegp.diagnosis.selection.tuning import at_an_optimum, undone
 from torch_activegp.diagnosis.shooting.fit import Fit
 from torch_activegp.diagnosis.shooting.likelihood import Shooting
+from torch_activegp.physics.bristles import BRISTLES
 from torch_activegp.physics.effect import Effect
 from torch_activegp.physics.soft_friction import SOFT
 
@@ -67,13 +68,26 @@ def swap(selection: Selection, shooting: Shooting, effects: Sequence[Effect], wo
     found += [_in_place(best, *one, effects) for one in (*seen, *((effect, *there) for effect, there in lost.items()))]
     known, sets, starts = {frozenset(fit.effects) for fit in selection.fits}, list[Set](), None
     for rivals in found:
-        sets += (new := [some for some in rivals if frozenset(some[0]) not in known])
+        sets += (new := [some for some in may_tell(rivals, selection) if frozenset(some[0]) not in known])
         known |= {frozenset(some) for some, _ in new}
     part, which = _enough(shooting, least_loss)
     if sets and part.segments.size < shooting.segments.size:
         sets, starts = near(part, which, sets, best, [CLOSE * selection.score.scale] * len(sets), work)
     below = [selection.below(some) for some, _ in sets]
     compare(shooting, selection, sets, best, Effort(work=work, race=True), starts=starts, below=below)
+
+
+def may_tell(sets: Sequence[Set], selection: Selection) -> list[Set]:
+    """Without those whose friction bends bristles where noise alone is left, unless that spares a name.
+
+    They want short steps, and take long.
+    """
+    names = len(selection.best.effects)
+    return [
+        some
+        for some in sets
+        if not selection.score.refines or len(some[0]) < names or all(effect.variant != BRISTLES for effect in some[0])
+    ]
 
 
 def _in_place(best: Fit, effect: Effect, part: Shooting, fit: Fit, effects: Sequence[Effect]) -> list[Set]:
@@ -229,11 +243,16 @@ def forms_of_parts(selection: Selection, effects: Sequence[Effect], known: Colle
     """Other forms of what explains most of what the best set does: names that came after may stand for another axis.
 
     From where the part was fitted, for beside them it moved: loads of 2.4 and -2.4 kg stood for a centre of mass that
-    was off along a second axis too, and the first one was a third of what it is.
+    was off along a second axis too, and the first one was a third of what it is. And, where much more than noise is
+    left, of the one name that leaves least: in a leg's knee a gap left less than any other, and with the joint's
+    damping on the motor a fifth of that, while a delay and four more took its place.
     """
     best, nominal = selection.best, selection.nominal
     much = nominal.chi2 - _MOST_OF_IT * (nominal.chi2 - best.chi2)
-    parts = [fit for fit in selection.fits if fit.effects and set(fit.effects) < set(best.effects) and fit.chi2 < much]
+    some = [fit for fit in selection.fits if fit.effects and fit.chi2 < much]
+    parts = [fit for fit in some if set(fit.effects) < set(best.effects)]
+    if selection.score.inadequate:
+        parts += sorted((fit for fit in some if len(fit.effects) == 1), key=lambda fit: fit.chi2)[:1]
     found = {
         frozenset(some[0]): some
         for fit in sorted(parts, key=lambda fit: -fit.chi2)
