@@ -10,7 +10,7 @@ import mujoco
 import numpy as np
 
 from torch_activegp.physics.effect import Array, Index, Parameter, Step
-from torch_activegp.physics.friction import CoulombFriction, StribeckFriction
+from torch_activegp.physics.friction import CoulombFriction, DryFriction, StribeckFriction
 from torch_activegp.physics.place import Place
 from torch_activegp.physics.rotor import whole_inertia
 
@@ -20,19 +20,22 @@ _SOFTEST, _SOFT, _STIFFEST = 15.0, 150.0, 1500.0
 _DAMPED = 0.3
 _STABLE = 0.5
 """Square of the radians by which bristles turn a joint in a time step, at most."""
+_QUICK, _QUICK_BY_SPEED = 0.36, 0.01
+"""The same from which on MuJoCo's motor, which damps bristles by their speed as a step begins, is closer without
+damping: of one level, and of one that falls with speed, where it was off by a fifth of what the friction does."""
 _REACH = 2e-3
 """Part of the joint's range that bristles bend, at most: what bends farther is a hysteresis."""
-_ROWS = 30
-"""Of a recording before a simulation, in which bristles bend as they are when it begins."""
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
-class BristledCoulomb(CoulombFriction):
-    """-F sign(v), by bristles that bend before the joint slides: LuGre's friction with one level.
+class _Bristled(DryFriction):
+    """Base of the frictions of bristles: z' = v - |v| k z / g pushes the joint with k z + d z', where g slides.
 
     Args:
         inertia: of the joint, kg m2 or kg.
         reach: how far the bristles may bend, rad or m.
+        row: time between the rows of a recording, s.
+        firm: whether it sticks firmly instead.
 
     Reference: Canudas de Wit, Olsson, Astrom, Lischinsky, *A new model for control of systems with friction*, IEEE
     Transactions on Automatic Control 40 (1995), eq. 2-3.
@@ -40,6 +43,88 @@ class BristledCoulomb(CoulombFriction):
 
     inertia: float = 1.0
     reach: float = np.inf
+    row: float = 0.01
+    firm: bool = False
+
+    @classmethod
+    def fits(cls, place: Place, model: mujoco.MjModel) -> bool:
+        """Whether the joint turns back in a run; else its bristles stay bent."""
+        return place.turns_back and super().fits(place, model)
+
+    def level(self, speed: Array | float, values: Array) -> Array:
+        """What slides at some speed, N m or N."""
+        raise NotImplementedError
+
+    def plausible(self, values: Array) -> bool:
+        """Whether its bristles bend no farther than they may."""
+        return super().plausible(values) and bool(self.level(0.0, values) < self.reach * values[-2])
+
+    def anew(self) -> Self:
+        """The firm friction, for nobody knows how far bristles are bent."""
+        return dataclasses.replace(self, firm=True)
+
+    def edit(self, field: Callable[[str], Array], rows: Index, values: Array) -> bool:
+        """Takes the joint's own ``frictionloss`` away; the bristles have it."""
+        if self.firm:
+            return super().edit(field, rows, values)
+        field("dof_frictionloss")[rows, self.dof] = 0.0
+        return False
+
+    def memory(self, positions: Array, starts: Array, values: Array) -> Array | None:
+        """How hard the bristles push, and no last position, ``(rows, 2)``, from the run's positions up to there.
+
+        Args:
+            positions: smoothed positions of whole runs, ``(runs, T)``.
+            starts: run and row at which each simulation starts, ``(rows, 2)``.
+            values: ``(rows, P)``.
+        """
+        if self.firm:
+            return super().memory(positions, starts, values)
+        laws, which = np.unique(values, axis=0, return_inverse=True)
+        run, row = starts[:, 0], starts[:, 1]
+        pushes = [np.zeros((len(laws), len(positions)))]
+        for moved in np.diff(positions[:, : row.max() + 1]).T:
+            pushes.append(_bent(pushes[-1], moved, self.level(moved / self.row, laws[:, None]), laws[:, -2:-1]))
+        pushing = np.array(pushes)[row, which.reshape(-1), run]
+        return np.stack([pushing, np.full(len(starts), np.nan)], axis=1)
+
+    def before_step(self, step: Step, rows: Index, values: Array, memory: Array | None) -> None:
+        """Bends the bristles, which push the joint."""
+        if self.firm:
+            return self._hold(step, rows, values)
+        assert memory is not None
+        level = self.level(step.qvel[rows, self.dof], values)
+        stiffness, damping = within_steps(values[:, -2], values[:, -1], self.inertia, step.dt[rows])
+        position, before = step.position(rows, self.qpos, self.dof), memory[:, 0].copy()
+        memory[:, 0] = _bent(before, np.nan_to_num(position - memory[:, 1]), level, stiffness)
+        memory[:, 1] = position
+        faster = (memory[:, 0] - before) / (stiffness * step.dt[rows])
+        step.force[rows, self.dof] -= memory[:, 0] + damping * faster
+        return None
+
+    def _hold(self, step: Step, rows: Index, values: Array) -> None:
+        """What the firm friction does before each step."""
+
+    def add_bristles(self, spec: mujoco.MjSpec, values: Array, slides: float, static: float, speed: float) -> None:
+        """Writes them as a passive DC motor, in place of the joint's own ``frictionloss``.
+
+        Args:
+            spec: the model.
+            values: ``(P,)``.
+            slides: friction at speed, N m or N.
+            static: at rest.
+            speed: Stribeck's, rad/s or m/s.
+        """
+        self.joint(spec).frictionloss = 0.0
+        step = np.array([spec.option.timestep])
+        stiffness, damping = (float(x[0]) for x in within_steps(values[-2:-1], values[-1:], self.inertia, step))
+        quick = stiffness * step[0] ** 2 / self.inertia > (_QUICK if static == slides else _QUICK_BY_SPEED)
+        self.add_passive(spec, lugre=[stiffness, 0.0 if quick else damping, slides, static, speed])
+
+
+@dataclasses.dataclass(frozen=True, eq=False)
+class BristledCoulomb(_Bristled, CoulombFriction):
+    """-F sign(v), by bristles that bend before the joint slides: LuGre's friction with one level."""
 
     law = "-F sign(v), by bristles that bend before it slides"
     never_negative = frozenset({"stiffness", "damping"})
@@ -49,55 +134,25 @@ class BristledCoulomb(CoulombFriction):
     def at(cls, place: Place, model: mujoco.MjModel) -> Self:
         """Makes the effect for a joint."""
         firm = CoulombFriction.at(place, model)
-        return cls.make(place, *_and_bristles(firm, place, model), tunable=firm.tunable, **_soft(place, model))
-
-    def plausible(self, values: Array) -> bool:
-        """Whether its bristles bend no farther than they may."""
-        return super().plausible(values) and bool(self.level(0.0, values) < self.reach * values[-2])
+        return cls.make(place, *_with_bristles(firm, place, model), tunable=firm.tunable, **_options(place, model))
 
     def level(self, speed: Array | float, values: Array) -> Array:
-        """What slides at some speed, N m or N."""
+        """The same at any speed."""
         return np.asarray(self.nominal_loss + values[..., 0])
 
-    def edit(self, field: Callable[[str], Array], rows: Index, values: Array) -> bool:
-        """Takes the joint's own ``frictionloss`` away; the bristles have it."""
-        field("dof_frictionloss")[rows, self.dof] = 0.0
-        return False
-
-    def memory(self, positions: Array, starts: Array, values: Array) -> Array:
-        """How far the bristles are bent, and no last position, ``(rows, 2)``; see `bent`."""
-        return bent(positions, starts, self.level(0.0, values), values[:, -2])
-
-    def before_step(self, step: Step, rows: Index, values: Array, memory: Array | None) -> None:
-        """Bends the bristles, which push the joint."""
-        assert memory is not None
-        q = step.position(rows, self.qpos, self.dof)
-        level = self.level(step.qvel[rows, self.dof], values)
-        step.force[rows, self.dof] -= push(memory, q, level, values[:, -2:], step.dt[rows], self.inertia)
-
     def write(self, spec: mujoco.MjSpec, values: Array) -> bool:
-        """Writes a passive DC motor with LuGre friction."""
-        level = float(self.level(0.0, values))
-        if level <= 0.0:
-            return False
-        self.joint(spec).frictionloss = 0.0
-        self.add_passive(spec, lugre=[*map(float, values[-2:]), level, level, 1.0])
+        """Writes a passive DC motor with LuGre friction; no friction where nothing is left of it."""
+        level = max(float(self.level(0.0, values)), 0.0)
+        if level == 0.0:
+            self.joint(spec).frictionloss = 0.0
+        else:
+            self.add_bristles(spec, values, level, level, 1.0)
         return True
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
-class BristledStribeck(StribeckFriction):
-    """Stribeck friction by bristles that bend before the joint slides: LuGre's friction.
-
-    Args:
-        inertia: of the joint, kg m2 or kg.
-        reach: how far the bristles may bend, rad or m.
-
-    Reference: as :class:`BristledCoulomb`.
-    """
-
-    inertia: float = 1.0
-    reach: float = np.inf
+class BristledStribeck(_Bristled, StribeckFriction):
+    """Stribeck friction by bristles that bend before the joint slides: LuGre's friction."""
 
     law = "-(F + (S - F) exp(-(v/w)^2)) sign(v), by bristles that bend before it slides"
     never_negative = StribeckFriction.never_negative | BristledCoulomb.never_negative
@@ -106,28 +161,22 @@ class BristledStribeck(StribeckFriction):
     def at(cls, place: Place, model: mujoco.MjModel) -> Self:
         """Makes the effect for a joint."""
         firm = StribeckFriction.at(place, model)
-        return cls.make(place, *_and_bristles(firm, place, model), linear=firm.linear, **_soft(place, model))
-
-    def plausible(self, values: Array) -> bool:
-        """Whether there is friction at speed too, and its bristles bend no farther than they may."""
-        return super().plausible(values) and bool(self.level(0.0, values) < self.reach * values[-2])
+        return cls.make(place, *_with_bristles(firm, place, model), linear=firm.linear, **_options(place, model))
 
     def level(self, speed: Array | float, values: Array) -> Array:
-        """What slides at some speed, N m or N."""
+        """Static friction at rest, Coulomb friction at speed."""
         coulomb, excess, velocity = np.moveaxis(values[..., :3], -1, 0)
         return np.asarray(self.nominal_loss + coulomb + excess * np.exp(-((speed / velocity) ** 2)))
 
-    edit = BristledCoulomb.edit
-    memory = BristledCoulomb.memory
-    before_step = BristledCoulomb.before_step
+    def _hold(self, step: Step, rows: Index, values: Array) -> None:
+        StribeckFriction.before_step(self, step, rows, values, None)
 
     def write(self, spec: mujoco.MjSpec, values: Array) -> bool:
         """Writes a passive DC motor with LuGre friction."""
         slides, static = (float(self.level(speed, values)) for speed in (np.inf, 0.0))
         if slides <= 0.0:
             return False
-        self.joint(spec).frictionloss = 0.0
-        self.add_passive(spec, lugre=[*map(float, values[-2:]), slides, static, float(values[2])])
+        self.add_bristles(spec, values, slides, static, float(values[2]))
         return True
 
     def describe(self, values: Array) -> dict[str, float]:
@@ -135,50 +184,26 @@ class BristledStribeck(StribeckFriction):
         return {**super().describe(values), "stiffness": float(values[-2]), "damping": float(values[-1])}
 
 
-def push(memory: Array, position: Array, level: Array, bristles: Array, dt: Array, inertia: float) -> Array:
-    """Bends bristles by the way of their joints; how hard they hold these back, ``(n,)``, N m or N.
+def within_steps(stiffness: Array, damping: Array, inertia: float, dt: Array) -> tuple[Array, Array]:
+    """As much of the stiffness and damping of bristles as time steps allow, ``(n,)`` each.
 
     Args:
-        memory: how far they are bent, and where the joint was last, ``(n, 2)``; no number before the first step.
-        position: of the joints, ``(n,)``, rad or m.
-        level: what slides, ``(n,)``, N m or N.
-        bristles: stiffness and damping, ``(n, 2)``; as much of them as time steps allow.
-        dt: length of the step, ``(n,)``, s.
+        stiffness: N m/rad or N/m, ``(n,)``.
+        damping: N m s/rad or N s/m, ``(n,)``.
         inertia: of the joint, kg m2 or kg.
+        dt: length of the time step, ``(n,)``, s.
     """
-    stiffness = np.minimum(bristles[:, 0], _STABLE * inertia / dt**2)
-    damping = np.minimum(bristles[:, 1], _STABLE * inertia / dt)
-    before = memory[:, 0].copy()
-    memory[:, 0] = _bend(before, np.nan_to_num(position - memory[:, 1]), level, stiffness)
-    memory[:, 1] = position
-    return np.asarray(stiffness * memory[:, 0] + damping * (memory[:, 0] - before) / dt)
+    return np.minimum(stiffness, _STABLE * inertia / dt**2), np.minimum(damping, _STABLE * inertia / dt)
 
 
-def bent(positions: Array, starts: Array, level: Array, stiffness: Array) -> Array:
-    """How far bristles are bent as simulations begin, and no last position, ``(n, 2)``.
-
-    Args:
-        positions: smoothed positions of whole runs, ``(runs, T)``.
-        starts: run and row at which each begins, ``(n, 2)``.
-        level: what slides, ``(n,)``.
-        stiffness: of the bristles, ``(n,)``.
-    """
-    rows = np.maximum(starts[:, 1:] + np.arange(-_ROWS, 1), 0)
-    way = np.diff(positions[starts[:, :1], rows], axis=1)
-    memory = np.stack([np.zeros(len(starts)), np.full(len(starts), np.nan)], axis=1)
-    for moved in way.T:
-        memory[:, 0] = _bend(memory[:, 0], moved, level, stiffness)
-    return memory
-
-
-def _bend(before: Array, moved: Array, level: Array, stiffness: Array) -> Array:
-    """How far bristles are bent after joints moved, by the exact solution for a level that stays."""
-    most = np.maximum(level, 1e-12) / stiffness
+def _bent(before: Array, moved: Array, level: Array, stiffness: Array) -> Array:
+    """How hard bristles push after joints moved, N m or N, by the exact solution for a level that stays."""
+    most = np.maximum(level, 1e-12)
     end = np.sign(moved) * most
-    return np.asarray(end + (before - end) * np.exp(-np.abs(moved) / most))
+    return np.asarray(end + (before - end) * np.exp(-np.abs(moved) * stiffness / most))
 
 
-def _and_bristles(
+def _with_bristles(
     firm: CoulombFriction | StribeckFriction, place: Place, model: mujoco.MjModel
 ) -> tuple[tuple[Parameter, ...], list[list[float]]]:
     """Parameters and first guess of a friction with bristles."""
@@ -193,16 +218,12 @@ def _and_bristles(
     return (*firm.parameters, *bristles), [[*firm.seeds[0], stiffness, damping]]
 
 
-def _soft(place: Place, model: mujoco.MjModel) -> dict[str, Any]:
-    """What both forms know of the joint."""
+def _options(place: Place, model: mujoco.MjModel) -> dict[str, Any]:
+    """What both forms know of themselves and the joint."""
     reach = _REACH * max(place.position[1] - place.position[0], 1e-9)
-    return {
-        "variant": BRISTLES,
-        "stands_in": True,
-        "inertia": whole_inertia(model, place.index),
-        "reach": reach,
-    }
+    inertia = whole_inertia(model, place.index)
+    return {"variant": BRISTLES, "stands_in": True, "inertia": inertia, "reach": reach, "row": place.dt}
 
 
-BRISTLED: tuple[type[CoulombFriction] | type[StribeckFriction], ...] = (BristledCoulomb, BristledStribeck)
-"""The forms, in place of a firm dry friction."""
+BRISTLED_FORMS: tuple[type[_Bristled], ...] = (BristledCoulomb, BristledStribeck)
+"""In place of a firm dry friction."""

@@ -13,7 +13,7 @@ from torch_activegp.errors import ConfigurationError
 from torch_activegp.physics.actuation import ACTUATION
 from torch_activegp.physics.actuator import ActuatorEffect
 from torch_activegp.physics.backlash import BACKLASH
-from torch_activegp.physics.bristles import BRISTLED
+from torch_activegp.physics.bristles import BRISTLED_FORMS
 from torch_activegp.physics.effect import Array, Effect
 from torch_activegp.physics.friction import FRICTION
 from torch_activegp.physics.inertia import (
@@ -80,7 +80,7 @@ def catalogue(
     on_joints: tuple[type[Effect], ...] = (
         *JOINT_EFFECTS,
         SoftCoulombFriction,
-        *BRISTLED,
+        *BRISTLED_FORMS,
         *BACKLASH,
         *SPRINGY_BACKLASH,
         *MOTOR_SIDE,

@@ -103,6 +103,7 @@ def test_effects_are_accelerations_and_none_edits_a_model(black) -> None:
     recording = black.record("none", 0)
     channels = Channels.of(box.model, [recording])
     effects = accelerations(effects_for(box.model, channels, runs_of(box, recording)))
+    assert not {"soft", "bristles"} & {effect.variant for effect in effects}
     names = {effect.name for effect in effects}
     assert {"viscous_friction", "coulomb_friction", "stribeck_friction", "hysteresis", "cogging"} <= names
     assert {"actuator_delay", "sensor_gain", "joint_stop"} <= names

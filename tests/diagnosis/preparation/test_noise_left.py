@@ -241,7 +241,15 @@ def test_a_slight_colour_may_be_louder_than_the_floor_where_rows_hide_it(clean, 
     assert slow.hides_colour is (rows > 1)
     left = noise_left._left(shooting, fit)
     monkeypatch.setattr(noise_left, "_left", lambda *_: left)
+    asked: list[float] = []
+    white = noise_left._Left.is_white_behind
+    monkeypatch.setattr(
+        noise_left._Left,
+        "is_white_behind",
+        lambda self, poles, least: asked.append(least) or white(self, poles, least),
+    )
     assert recoloured(slow, fit).colour.any() == seen
+    assert set(asked) <= {0.07}  # as white as what a spectrum should have shown
 
 
 def test_white_noise_and_noise_of_a_known_colour_stay_as_they_are(clean) -> None:

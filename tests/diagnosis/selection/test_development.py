@@ -239,3 +239,16 @@ def test_forms_of_a_backlash_are_fitted_where_it_stays(bench, monkeypatch, goes:
     module.simplify(chosen, bench.shooting, bench.effects)
     assert compared[:2] == [frozenset({wet}), frozenset({play})]
     assert bool({forms["resting"], wet} in compared) is not goes
+
+
+@pytest.mark.parametrize(("scale", "asked"), [(1.05, False), (1.5, True)])
+def test_bristles_are_fitted_for_as_many_names_only_where_more_than_noise_is_left(
+    bench, monkeypatch, scale: float, asked: bool
+) -> None:
+    bristled = next(e for e in bench.effects if e.key == ("coulomb_friction", "joint:hip") and e.variant == "bristles")
+    best, tried = bench.fit("coulomb_friction", 0.02), []
+    monkeypatch.setattr(module, "heat", lambda _, sets, *a: tried.extend(sets) or Heat(sets, np.zeros((len(sets), 1))))
+    monkeypatch.setattr(module, "compare", lambda *a, **k: None)
+    selection = Selection(best, [best], Score(bench.shooting.samples, 60, scale))
+    simplify(selection, bench.shooting, bench.effects)
+    assert bool([some for some in tried if bristled in some[0]]) is asked

@@ -126,8 +126,10 @@ def test_what_is_tied_is_asked_in_all_shorter_steps(clean) -> None:
     """A constraint is as soft as a time step is long: a five-bar's truth had a tenth of its model's."""
     tie = '<equality><joint joint1="hip" active="false"/></equality></mujoco>'
     model = mujoco.MjModel.from_xml_string(clean.xml.replace("</mujoco>", tie))
-    forms = Numerics.of(dataclasses.replace(clean.machine, model=model), 1)
-    assert [form.substeps // forms.given.substeps for form in forms.finer] == [2, 4, 5, 10, 20]
+    for step, times in ((0.005, [2, 4, 5, 10, 20]), (0.001, [2, 4, 5, 10])):  # and not below 0.1 ms
+        model.opt.timestep = step
+        forms = Numerics.of(dataclasses.replace(clean.machine, model=model), 1)
+        assert [form.substeps // forms.given.substeps for form in forms.finer] == times
 
 
 @pytest.mark.parametrize(("steps", "nameless"), [(5, True), (None, False)])
@@ -210,15 +212,28 @@ def test_a_damping_that_stands_for_half_a_step_beside_another_name(clean, monkey
     assert asked == [1]  # not where nothing else is named
 
 
-@pytest.mark.parametrize(("steps", "beside", "late"), [(0.4, "backlash", True), (0.6, "backlash", False)])
-def test_what_is_late_by_less_than_half_a_step_beside_what_strikes_is_no_name(clean, steps, beside, late) -> None:
-    """It strikes when a step ends. Beside what does not strike, another form of the model must do as well."""
+@pytest.mark.parametrize(
+    ("steps", "beside", "share", "late"),
+    [
+        (0.4, "backlash", 0.01, True),
+        (0.6, "backlash", 0.01, False),
+        (0.4, "backlash", 0.1, False),
+        (0.4, "viscous_friction", 0.01, False),
+    ],
+)
+def test_what_is_late_by_less_than_half_a_step_beside_what_strikes_is_no_name(
+    clean, monkeypatch, steps, beside, share, late
+) -> None:
+    """It strikes when a step ends; not where much is explained, or by what does not strike."""
     numerics = Numerics.of(clean.machine, 1)
+    monkeypatch.setattr(module, "likeliest", lambda *_: [])
     play, delay = clean.effect(beside), clean.effect("actuator_delay", "actuator:drive")
-    step = 0.01 / numerics.given.substeps
-    values = (play.seeds[0], np.array([steps * step]))
-    best = dataclasses.replace(clean.nominal, effects=(play, delay), values=values, chi2=clean.nominal.chi2 - 1e3)
-    selection = Selection(clean.nominal, [clean.nominal, best], Score(clean.shooting.samples, 60, 1.0))
+    values = (play.seeds[0], np.array([steps * 0.01 / numerics.fine.substeps]))
+    nominal = dataclasses.replace(clean.nominal, chi2=1e5)
+    best = dataclasses.replace(nominal, effects=(play, delay), values=values, chi2=1e3)
+    rest = dataclasses.replace(nominal, effects=(play,), values=values[:1], chi2=1e3 + share * 99e3)
+    monkeypatch.setattr(module, "fitted", lambda *_: rest)
+    selection = Selection(nominal, [nominal, best], Score(clean.shooting.samples, 60, 1.0))
     assert selection.best is best
     found = of_a_step(numerics, numerics.fine, clean.shooting, selection)
     assert found == (frozenset([delay]) if late else frozenset())
@@ -253,3 +268,28 @@ def test_what_is_late_by_less_than_half_a_step_of_the_own_integrator_is_no_name(
     found = without_a_step(numerics, own, shooting, few)
     assert {fit.effects for fit in found.fits} == {(), (wet,)}
     assert found.best.effects == ()
+
+
+@pytest.mark.parametrize(("own", "steps", "found"), [(True, 0.4, True), (True, 0.6, False), (False, 0.4, False)])
+def test_what_is_late_by_less_than_half_an_own_step_is_no_name_where_runge_kutta_does_without(
+    bench, monkeypatch, own: bool, steps: float, found: bool
+) -> None:
+    """Beside a friction that was named, the nominal had come closest in the model's own integrator."""
+    numerics = Numerics.of(bench.integrated("Euler", 0.01), 1)
+    engine = next(form for form in numerics.own if form.substeps == 10) if own else numerics.fine
+    monkeypatch.setattr(module, "likeliest", lambda *_: [])
+    wet, delay = bench.fit("viscous_friction", bench.viscous), bench.effect("actuator_delay", "actuator:drive")
+    late = steps * 0.01 / engine.substeps
+    best = dataclasses.replace(
+        wet,
+        effects=(*wet.effects, delay),
+        values=(*wet.values, np.array([late])),
+        chi2=wet.chi2 - 20.0,
+        columns=None,
+        taken=None,
+    )
+    for less, names in ((5.0, found), (1e4, False)):  # which leaves as much as Runge-Kutta without it, or far less
+        best = dataclasses.replace(best, chi2=wet.chi2 - less)
+        selection = Selection(bench.nominal, [bench.nominal, best], Score(bench.shooting.samples, 60, 1.0))
+        told = of_a_step(numerics, engine, bench.shooting, selection)
+        assert told == (frozenset([delay]) if names else frozenset())

@@ -88,26 +88,10 @@ def test_names_from_brief_pieces_lead_on_where_the_nominal_is_far_off(bench, mon
         assert seen[0].sets
 
 
-@pytest.mark.parametrize(
-    ("cut", "scale", "share", "vain"),
-    [
-        (True, 3.0, 1.0, True),
-        (True, 3.0, 0.02, True),
-        (True, 3.0, 0.005, False),
-        (True, 1.5, 1.0, False),
-        (False, 3.0, 1.0, False),
-    ],
-)
-def test_a_long_search_that_leaves_much_was_in_vain(
-    bench, monkeypatch, cut: bool, scale: float, share: float, vain: bool
-) -> None:
-    """Not one that leaves next to nothing of the mismatch: the last of three names was not reached yet."""
+@pytest.mark.parametrize(("cut", "scale", "vain"), [(True, 3.0, True), (True, 1.5, False), (False, 3.0, False)])
+def test_a_long_search_that_leaves_much_was_in_vain(bench, monkeypatch, cut: bool, scale: float, vain: bool) -> None:
     score = Score(bench.shooting.samples, 10, scale)
-    part = module._part(bench.shooting, bench.nominal)[0]
-    nominal = dataclasses.replace(bench.nominal, chi2=100.0 * part.dof)
-    names = (bench.effect("viscous_friction"),)
-    best = dataclasses.replace(nominal, effects=names, values=(np.ones(1),), chi2=part.dof * (1.0 + 99.0 * share))
-    chosen = Selection(nominal, [nominal, best] if share < 1.0 else [nominal], score, cut_short=cut)
+    chosen = Selection(bench.nominal, [bench.nominal], score, cut_short=cut)
     monkeypatch.setattr(module, "select", lambda *_, **__: chosen)
     naming = Naming(bench.engine, bench.shooting, bench.nominal, bench.nominal)
     numerics = Numerics.of(bench.machine, 1)

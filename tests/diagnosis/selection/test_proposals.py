@@ -56,6 +56,15 @@ def test_forms_that_stand_in_are_no_richer_law_and_none_with_more_than_a_level_i
     assert all(len(value) == len(effect.parameters) for effect, value in plain)
 
 
+def test_a_static_excess_that_bristles_made_up_for_may_go_and_they_stay(bench) -> None:
+    forms = {(e.name, e.variant): e for e in bench.effects if e.target == "joint:hip"}
+    rich, plain = forms["stribeck_friction", "bristles"], forms["coulomb_friction", "bristles"]
+    value = np.array([0.04, 0.02, 0.3, 9e3, 7.0])
+    fit = dataclasses.replace(bench.nominal, effects=(rich,), values=(value,), chi2=1000.0)
+    found = {effects: values for effects, values in simpler(fit, bench.effects, {}, 0.0)}
+    np.testing.assert_allclose(found[(plain,)][0], [0.03, 9e3, 7.0])
+
+
 def test_a_law_begins_as_what_it_contains_or_as_it_was(bench) -> None:
     """Stribeck's friction without an excess, at its own width; two equal levels; a spring contains no friction."""
     level, pairs = 0.01, [(bench.effect("coulomb_friction"), np.array([0.01]))]

@@ -16,7 +16,7 @@ from torch_activegp.diagnosis.inputs.runs import Array, Channels, Run
 from torch_activegp.errors import ActiveGPError, ConfigurationError, DataError, SimulationError
 from torch_activegp.physics import Effect
 from torch_activegp.physics.actuator import ActuatorEffect
-from torch_activegp.physics.bristles import BRISTLED
+from torch_activegp.physics.bristles import BRISTLED_FORMS
 from torch_activegp.physics.inertia import ArmatureError
 from torch_activegp.physics.joint import JointEffect
 from torch_activegp.physics.sensing import SensorEffect
@@ -183,7 +183,9 @@ def accelerations(effects: Sequence[Effect]) -> list[Effect]:
     kept = [e for e in effects if isinstance(e, (JointEffect, ActuatorEffect, SensorEffect))]
     kept = [dataclasses.replace(e, drives="") if isinstance(e, ActuatorEffect) else e for e in kept]
     kept = [dataclasses.replace(e, tunable=False) if isinstance(e, ConstantForce) else e for e in kept]
-    return [_as_acceleration(e) for e in kept if not isinstance(e, (ArmatureError, SoftCoulombFriction, *BRISTLED))]
+    return [
+        _as_acceleration(e) for e in kept if not isinstance(e, (ArmatureError, SoftCoulombFriction, *BRISTLED_FORMS))
+    ]
 
 
 def _as_acceleration(effect: Effect) -> Effect:

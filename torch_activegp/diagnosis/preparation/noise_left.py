@@ -55,9 +55,11 @@ _FAR, _APART, _ABSORBED, _LITTLE = (60, 150), 8, 3.0, 1e-4
 states absorb much of, and part of the largest power that is none. By 60 lags a force at 5 Hz, recorded at 250 Hz, is
 told from none below by a factor of 0.7, and by 143 of 8; of it a force in bins of 0.2 s sees a fifth."""
 _LOUDER = 1.2
-_AS_LOUD, _UNSEEN, _SLIGHT = 1.15, (1.5, _STRICTLY_FRESH), 0.4
-"""Floors are known to so much, in variance, and where no colour can be seen, if what is new is as white: at 50 Hz noise
-of a pole of 0.4 was 1.4 times its floor, and a spring behind a tuning `unknown`; the pole of a slight colour."""
+_AS_LOUD, _SLIGHT = 1.15, 0.4
+"""Floors are known to so much, in variance; the pole of a slight colour."""
+_UNSEEN = 1.5, _STRICTLY_FRESH
+"""The first where rows hide any colour, and the correlation that what is new has less of: at 50 Hz filtered noise was
+1.4 times its floor, and a spring behind a tuning `unknown`."""
 
 
 def noise_behind(

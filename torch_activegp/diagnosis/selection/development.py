@@ -29,7 +29,7 @@ from torch_activegp.diagnosis.selection.proposals import (
 from torch_activegp.diagnosis.selection.prospects import MAX_EFFECTS
 from torch_activegp.diagnosis.selection.repeated import repeated
 from torch_activegp.diagnosis.selection.screening import Atom, Screen, allowed, screen
-from torch_activegp.diagnosis.selection.stand_ins import forms_of_parts, may_tell
+from torch_activegp.diagnosis.selection.stand_ins import forms_of_parts, without_needless_bristles
 from torch_activegp.diagnosis.selection.tuning import beside, undone
 from torch_activegp.diagnosis.shooting.chaining import borrowed
 from torch_activegp.diagnosis.shooting.fit import Fit
@@ -90,15 +90,12 @@ def simplify(selection: Selection, shooting: Shooting, effects: Sequence[Effect]
     known, score = _known(selection), selection.score
     sets = simpler(best, effects, known, best.chi2 + CLOSE * score.scale, score.free)
     fewer = without_weak(best, lambda effect: score.scale * score.price([effect]))
-    sets = may_tell(sets, selection)
     sets += [fewer] if fewer and frozenset(fewer[0]) not in known else []
     _passed(selection, shooting, sets, best, work)
     _from_the_best(selection, shooting, best, [some for some in sets if holds_simpler_law(some, best)])
     left, known, free = selection.best, _known(selection), selection.score.free
     for some in (forms_of_parts(selection, effects, known), with_another_past(left, effects, known, free)):
-        _passed(
-            selection, shooting, may_tell(some, selection), left, work
-        )  # each among its like: forms of parts begin far off
+        _passed(selection, shooting, some, left, work)  # each among its like: forms of parts begin far off
 
 
 def refine(selection: Selection, shooting: Shooting, effects: Sequence[Effect], work: float = np.inf) -> bool:
@@ -128,7 +125,7 @@ def _known(selection: Selection) -> dict[frozenset[Effect], float]:
 
 def _passed(selection: Selection, shooting: Shooting, sets: Sequence[Set], best: Fit, work: float) -> None:
     """Fits those of some sets that pass a heat, from the states of the best one, the first that end by then."""
-    if sets:
+    if sets := without_needless_bristles(sets, selection):
         passed = heat(shooting, sets, best, selection.score, work)
         most = max(_FIRST, _room(shooting, work - shooting.work))
         compare(shooting, selection, passed.sets[:most], best, Effort(_ROUNDS, work), starts=passed.starts[:most])

@@ -92,7 +92,7 @@ def explain(
     noise = noise_floor(machine.fit)
     numerics = dataclasses.replace(numerics, coarse=closest(numerics, machine, noise))
 
-    work = _Work(machine, numerics, effects, tell)
+    work = _OnAllData(machine, numerics, effects, tell)
 
     def begin() -> Start:
         long = keep.once("length of segments", lambda: longest(machine, numerics, noise, _FAR))
@@ -108,7 +108,7 @@ def explain(
 
 
 @dataclasses.dataclass(frozen=True)
-class _Work:
+class _OnAllData:
     """Naming on all data: what is looked at, and what is tried."""
 
     machine: Machine
@@ -217,11 +217,11 @@ def _finish(
     if (nameless := nameless_in_finer_steps(numerics, engine, shooting, selection)) is not None:
         engine, (shooting, selection) = nameless[0].engine, nameless
     else:
-        selection.of_a_step = of_a_step(numerics, engine, shooting, selection)
         correct_alike(selection, shooting, effects)
         polish(shooting, selection, effects)
         shooting = by_their_own_errors(shooting, engine, selection)
         selection = with_one_law(shooting, selection, effects)
+        selection.of_a_step = of_a_step(numerics, engine, shooting, selection)  # of what came first in the end
     fine, firm = engine is not numerics.given, numerics.sticks(engine)
     return Explanation(engine, shooting, selection, tuple(effects), fine, firm)
 

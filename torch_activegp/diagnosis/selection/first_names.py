@@ -41,9 +41,8 @@ steps of 5 ms they took 60 s behind a backlash, and were delays of half a step."
 _ON_A_PART = Depth(swaps=0, work=2 * _WORK, more=_MORE)
 """Swaps come with all data. Of an arm that lacked a delay, a rotor and a friction that differs by direction, the right
 names came after 13 million."""
-_MUCH, _LITTLE = 1.5, 0.01
-"""Times the noise, and part of the mismatch: more than either is left by a search in vain. Of a hopper on a boom, a
-drive's gain and a spring left 1.9 times the noise of 122 where the work ended, and the boom's friction was left out."""
+_MUCH = 1.5
+"""Times the noise."""
 _ODD = 1.5
 """Times what names leave on the part that they were found on, from which on all data show more than it does: of a drive
 that is weaker than it was told to be, a fifth of a leg's data left 2.6 behind two other effects, and all 7.5."""
@@ -197,9 +196,8 @@ def _ended(chosen: Selection, part: Shooting, through: bool = False) -> tuple[bo
         part: the likelihood on a part of the data.
         through: whether it went on by the form of the model that it began with, since the first names left most.
     """
-    lost, best, nominal = hopeless(chosen, part), chosen.best.chi2 - part.dof, chosen.nominal.chi2 - part.dof
-    much = chosen.score.scale > _MUCH and best > _LITTLE * nominal
-    return lost, (chosen.cut_short or (through and lost)) and much
+    lost = hopeless(chosen, part)
+    return lost, (chosen.cut_short or (through and lost)) and chosen.score.scale > _MUCH
 
 
 def _part(shooting: Shooting, nominal: Fit, worst: Array | None = None) -> tuple[Shooting, NDArray[np.int64]]:

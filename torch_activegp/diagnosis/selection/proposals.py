@@ -167,8 +167,11 @@ def simpler(
     for effect, value in ((e, v) for e, v in pairs if e.key not in free):
         others = [(e, v) for e, v in pairs if e is not effect]
         for law in effects:
-            if contains(effect, law) and len(law.parameters) == 1:
-                alone = [*others, (law, np.array([value[: effect.linear].mean()]))]
+            alike = len(law.parameters) == 1 or law.variant == effect.variant
+            if contains(effect, law) and law.linear == 1 and alike:
+                simple = law.taking_over(effect, value)
+                simple[0] = value[: effect.linear].mean()
+                alone = [*others, (law, simple)]
                 plain += [paired([*alone, *more]) for more in ([], *_offset(best, effect, value, effects, free))]
     plain += [*map(paired, [*merged(pairs, effects), *pushes_alone(pairs, effects)]), *_once_less(pairs, effects)]
     plain += map(paired, loads_beside(pairs, effects))

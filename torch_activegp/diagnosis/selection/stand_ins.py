@@ -68,7 +68,9 @@ def swap(selection: Selection, shooting: Shooting, effects: Sequence[Effect], wo
     found += [_in_place(best, *one, effects) for one in (*seen, *((effect, *there) for effect, there in lost.items()))]
     known, sets, starts = {frozenset(fit.effects) for fit in selection.fits}, list[Set](), None
     for rivals in found:
-        sets += (new := [some for some in may_tell(rivals, selection) if frozenset(some[0]) not in known])
+        sets += (
+            new := [some for some in without_needless_bristles(rivals, selection) if frozenset(some[0]) not in known]
+        )
         known |= {frozenset(some) for some, _ in new}
     part, which = _enough(shooting, least_loss)
     if sets and part.segments.size < shooting.segments.size:
@@ -77,17 +79,18 @@ def swap(selection: Selection, shooting: Shooting, effects: Sequence[Effect], wo
     compare(shooting, selection, sets, best, Effort(work=work, race=True), starts=starts, below=below)
 
 
-def may_tell(sets: Sequence[Set], selection: Selection) -> list[Set]:
-    """Without those whose friction bends bristles where noise alone is left, unless that spares a name.
+def without_needless_bristles(sets: Sequence[Set], selection: Selection) -> list[Set]:
+    """Those of some sets whose friction has bristles that the best one's has not, only where that may tell something.
 
-    They want short steps, and take long.
+    That is where more than noise is left, or where it spares a name: they want short steps, and take long.
     """
-    names = len(selection.best.effects)
-    return [
-        some
-        for some in sets
-        if not selection.score.refines or len(some[0]) < names or all(effect.variant != BRISTLES for effect in some[0])
-    ]
+    best = selection.best
+
+    def tells(some: Set) -> bool:
+        new = any(effect.variant == BRISTLES and effect not in best.effects for effect in some[0])
+        return not (new and selection.score.refines) or len(some[0]) < len(best.effects)
+
+    return [some for some in sets if tells(some)]
 
 
 def _in_place(best: Fit, effect: Effect, part: Shooting, fit: Fit, effects: Sequence[Effect]) -> list[Set]:

@@ -44,9 +44,10 @@ that is recorded in the model's place; and not below, s. Integrators of first or
 0.25 ms left 1.7 times the noise of 0.5 mrad on an arm of two joints, where Runge-Kutta was the only other form, and no
 name explained it. Stiff servos that were simulated in 0.42 ms left 1.1 behind 0.5 ms, and damping was named."""
 _QUARTER = 4
-"""Times as many steps as the model's own where something touches, in forms that do not compete; constraints that tie
-bodies together are as soft as a time step is long: a five-bar that was simulated in 0.1 ms left 1.046 of the noise in
-steps of 1 ms by Runge-Kutta, 1.047 in 0.2 ms of its own, 1.032 in 0.1 ms, and two dampings that were none as much."""
+"""Times as many steps as the model's own, at most, in forms that do not compete where something touches. Constraints
+that tie bodies together are as soft as a time step is long, and there are more of these: a five-bar that was simulated
+in 0.1 ms left 1.046 of the noise in steps of 1 ms by Runge-Kutta, 1.047 in 0.2 ms of its own, 1.032 in 0.1 ms, and two
+dampings that were none as much."""
 _QUICKER = 4
 """Times as many steps as the model's own in what stands in for its own integrator in even more."""
 _HEAD = 0.5
@@ -155,10 +156,8 @@ class Forms:
             own += [make(sticking(model, step / steps), substeps=steps, integrator=first) for steps in some]
         if not late_drives and (model.dof_damping.any() or servo_damping(model).any()):
             own += [make(explicit(model), substeps=steps, integrator=_EULER) for steps in shorter]
-        halves = [
-            plain * many for many in FEW_SHORTER if many <= _QUARTER or (tied and step / (plain * many) > _SHORTEST)
-        ]
-        finer = tuple(make(model, substeps=steps) for steps in halves) if stiff else ()
+        finest = (many for many in FEW_SHORTER if many <= _QUARTER or (tied and step / (plain * many) > _SHORTEST))
+        finer = tuple(make(model, substeps=plain * many) for many in finest) if stiff else ()
         made = cls(given, fine, coarse, middle, stiff, late, **short, own=tuple(own), finer=finer)
         begin_drives(made.all, machine.fit)
         return made
