@@ -46,6 +46,22 @@ def test_the_sets_are_compared_by_their_own_errors_in_the_end(bench, monkeypatch
     assert found.selection is selection
 
 
+def test_what_may_be_half_a_step_is_asked_of_what_comes_first_in_the_end(bench, monkeypatch) -> None:
+    """A lag that stood for it became a delay that does the same, and was named."""
+    asked: list = []
+
+    def ask(numerics, engine, shooting, selection):
+        asked.append((engine, shooting, selection, selection.best))
+        return frozenset(selection.best.effects)
+
+    monkeypatch.setattr(module, "of_a_step", ask)
+    found = explain(bench.machine, some(bench)[:1], 1)
+    ((engine, shooting, selection, best),) = asked
+    assert (engine, shooting, selection) == (found.engine, found.shooting, found.selection)
+    assert best is found.selection.best
+    assert found.selection.of_a_step == frozenset(best.effects) != frozenset()
+
+
 def test_friction_is_found_with_the_level_of_the_noise(bench) -> None:
     stages: list[str] = []
     found = explain(bench.machine, some(bench), 1, stages.append)
