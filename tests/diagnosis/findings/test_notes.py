@@ -5,7 +5,7 @@ import dataclasses
 import numpy as np
 import pytest
 
-from torch_activegp.diagnosis.findings.notes import forecast_notes, search_notes
+from torch_activegp.diagnosis.findings.notes import forecast_notes, search_notes, unknown_notes
 from torch_activegp.diagnosis.selection.compared import Selection
 from torch_activegp.diagnosis.selection.explain import Explanation
 from torch_activegp.diagnosis.shooting.score import Score
@@ -25,6 +25,11 @@ def test_nothing_is_said_of_a_search_as_it_should_be_and_all_that_is_not(bench) 
     assert "sticks firmly" in numerics
     assert "47% of the recordings" in part
     assert "15 million time steps" in end
+    assert "on a part of the data" not in end
+    vain = dataclasses.replace(found, selection=dataclasses.replace(short, in_vain=True))
+    told = search_notes(vain, bench.machine.model, ())[-1]
+    assert "on a part of the data left much more than noise" in told
+    assert "million" not in told
 
 
 @pytest.mark.parametrize(
@@ -83,29 +88,22 @@ def test_a_rest_that_counts_as_process_noise_is_told(bench, density: float, name
         assert float(note.split(" leaves ")[1].split()[0]) == pytest.approx(left, rel=0.02)
 
 
-@pytest.mark.parametrize(("left", "told"), [(99.0, False), (101.0, True)])
-def test_where_nothing_comes_near_signs_and_units_are_named(bench, left: float, told: bool) -> None:
-    far = dataclasses.replace(bench.nominal, chi2=left * bench.shooting.dof)
-    selection = Selection(far, [far], Score(bench.shooting.samples, 5, 1.0))
-    found = Explanation(bench.engine, bench.shooting, selection, (), fine=False)
-    assert any("signs and units" in note for note in search_notes(found, bench.machine.model, ())) is told
-    assert search_notes(found, bench.machine.model, (bench.effect("viscous_friction"),)) == []
+@pytest.mark.parametrize(("left", "far"), [(99.0, False), (101.0, True)])
+def test_after_unknown_it_is_said_where_to_look_and_where_nothing_comes_near_at_units_first(
+    bench, left: float, far: bool
+) -> None:
+    best = dataclasses.replace(bench.nominal, chi2=left * bench.shooting.dof)
+    selection = Selection(best, [best], Score(bench.shooting.samples, 5, 1.0))
+    (note,) = unknown_notes(Explanation(bench.engine, bench.shooting, selection, (), fine=False))
+    assert "signs and units of each column" in note
+    assert "rows_late" in note
+    assert note.startswith("All that was tried leaves 101 times the noise") is far
+    assert ("slips of ten" in note) is far
 
 
-@pytest.mark.parametrize(
-    ("verdict", "left", "ahead", "said"),
-    [("named", 1.1, 26.0, True), ("tie", 1.1, 9.0, False), ("named", 2.5, 26.0, False), ("none", 1.1, 26.0, False)],
-)
-def test_it_is_said_where_held_out_runs_are_forecast_far_worse_than_pieces_are_fitted(
-    bench, verdict, left, ahead, said
-):
+@pytest.mark.parametrize(("left", "ahead", "said"), [(1.1, 26.0, True), (1.1, 9.0, False), (2.5, 26.0, False)])
+def test_it_is_said_where_held_out_runs_are_forecast_far_worse_than_pieces_are_fitted(bench, left, ahead, said):
     holdout = {"one_step": {"after": 0.01 * ahead, "noise": 0.01}}
-    notes = forecast_notes(verdict, left, holdout, bench.segments)
+    notes = forecast_notes(left, holdout, bench.segments)
     assert len(notes) == said
     assert not said or ("with 26 times the noise" in notes[0] and "1.1 times the noise (chi2 per dof)" in notes[0])
-
-
-def test_after_unknown_it_is_said_where_to_look(bench) -> None:
-    (note,) = forecast_notes("unknown", 50.0, {"one_step": {"after": 1.0, "noise": 0.1}}, bench.segments)
-    assert "signs and units" in note
-    assert "rows_late" in note

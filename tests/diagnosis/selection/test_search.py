@@ -330,11 +330,21 @@ def test_a_search_that_goes_on_develops_nothing_twice(bench, monkeypatch) -> Non
     effects = [bench.effect(name) for name in ("coulomb_friction", "cubic_spring", "quadratic_drag")]
     glance = select(bench.shooting, effects, bench.nominal, depth=Depth(rounds=1, swaps=0, stepwise=False))
     assert developed == [frozenset()]
-    glance.cut_short = True  # of which the further search says its own
+    glance.cut_short = glance.in_vain = True  # of which the further search says its own
     whole = Depth().counted_from(bench.shooting.work)
     assert go_on(glance, bench.shooting, effects, lambda words: None, whole) is glance
     assert len(developed) == len(set(developed)) > 1
     assert not glance.cut_short
+    assert not glance.in_vain
+
+
+def test_a_search_that_goes_no_further_was_in_vain(bench) -> None:
+    """And not one that has computed enough."""
+    effects = [bench.effect(name) for name in NAMES]
+    ended = [
+        select(bench.shooting, effects, bench.nominal, depth=depth) for depth in (Depth(rounds=0), Depth(work=1.0))
+    ]
+    assert [(found.cut_short, found.in_vain) for found in ended] == [(True, True), (True, False)]
 
 
 def test_what_cannot_pay_is_not_developed(bench, monkeypatch) -> None:

@@ -11,6 +11,7 @@ import numpy as np
 from torch_activegp.diagnosis.findings.doubts import MUCH_LEFT
 from torch_activegp.diagnosis.inputs.runs import median_step
 from torch_activegp.diagnosis.inputs.segments import Segments
+from torch_activegp.diagnosis.selection.compared import Selection
 from torch_activegp.diagnosis.selection.explain import Explanation
 from torch_activegp.diagnosis.selection.process_left import by_positions
 from torch_activegp.diagnosis.selection.search import Depth
@@ -30,18 +31,16 @@ _SLOWER = 1.5
 """Times as long from which on it is said."""
 _TO_AND_FRO = {"hysteresis": "hysteresis", "asymmetric_friction": "friction that differs between the directions"}
 _AFTER_UNKNOWN = (
-    "Where to look now, in this order: signs and units of each column; rows that hold the command that led to them "
-    "(`rows_late = 1` in a column map); joints, controls or loads that moved or changed and were not recorded; then "
-    "physics that is not on the list, for which the map says where and when (docs/diagnosis.md, After `unknown`)."
+    "Where to look now, in this order: signs and units of each column{slips}; rows that hold the command that led to "
+    "them (`rows_late = 1` in a column map); joints, controls or loads that moved or changed and were not recorded; "
+    "then physics that is not on the list, for which the map says where and when (docs/diagnosis.md, After `unknown`)."
 )
+_SLIPS = ", for those of controls, and slips of ten such as cm for mm, are not always recognised"
 _QUIET, _FAR_OFF = 2.0, 10.0
 """Times the noise that names leave where it is fitted and that held-out runs are forecast with, from which on it is
 said. Right names had up to 11, on what sticks."""
-_CUT_SHORT = (
-    f"The search for effects ended early: when it had computed {Depth().work / 1e6:g} million time steps, or because "
-    "all that could be found on a part of the data left much more than noise. Further ones on top of those found, or "
-    "others in their place, were not all tried."
-)
+_WORK_ENDED = f"when it had computed {Depth().work / 1e6:g} million time steps"
+_IN_VAIN = "because all that could be found on a part of the data left much more than noise"
 
 
 def search_notes(explanation: Explanation, model: mujoco.MjModel, corrected: Sequence[Effect]) -> list[str]:
@@ -55,31 +54,38 @@ def search_notes(explanation: Explanation, model: mujoco.MjModel, corrected: Seq
     return [
         *_numerics_note(explanation, model),
         *_part_note(explanation.shooting.segments),
-        *([_CUT_SHORT] if explanation.selection.cut_short else []),
+        *_cut_short_note(explanation.selection),
         *_hidden_notes(corrected),
         *_process_notes(explanation, corrected),
         *_one_way_notes(explanation.effects),
-        *([] if corrected else _far_notes(explanation)),
     ]
 
 
-def forecast_notes(verdict: str, chi2_per_dof: float, holdout: Mapping[str, Any], segments: Segments) -> list[str]:
-    """Where to look after `unknown`, and what to doubt of names that leave noise, and much more in held-out runs.
+def unknown_notes(explanation: Explanation) -> list[str]:
+    """Where to look after `unknown`; where no effect comes near, at units first.
+
+    A carriage's positions in cm, read in mm, left 2430 times the noise.
+    """
+    left = explanation.selection.best.chi2 / explanation.shooting.dof
+    far = left >= MUCH_LEFT
+    all_of_it = f"All that was tried leaves {left:.3g} times the noise (chi2 per dof). " if far else ""
+    return [all_of_it + _AFTER_UNKNOWN.format(slips=_SLIPS if far else "")]
+
+
+def forecast_notes(chi2_per_dof: float, holdout: Mapping[str, Any], segments: Segments) -> list[str]:
+    """What to doubt of names that leave noise, and much more in held-out runs.
 
     On a leg that squats, in pieces of 0.12 s, a push and a friction of the knee left what a load of the trunk and a
     damping did; held-out runs were forecast with 26 times the noise.
 
     Args:
-        verdict: `none`, `named`, `tie` or `unknown`.
         chi2_per_dof: what the names leave.
         holdout: the errors on held-out runs.
         segments: the pieces.
     """
-    if verdict == "unknown":
-        return [_AFTER_UNKNOWN]
     step = holdout["one_step"]
     ratio = step["after"] / max(step["noise"], 1e-300)
-    if verdict == "none" or chi2_per_dof > _QUIET or ratio < _FAR_OFF:
+    if chi2_per_dof > _QUIET or ratio < _FAR_OFF:
         return []
     return [
         f"One step ahead held-out runs are forecast with {ratio:.2g} times the noise, though the names leave "
@@ -88,14 +94,13 @@ def forecast_notes(verdict: str, chi2_per_dof: float, holdout: Mapping[str, Any]
     ]
 
 
-def _far_notes(explanation: Explanation) -> list[str]:
-    """What to look at first where no effect comes near: a carriage's positions in cm, read in mm, left 2430."""
-    left = explanation.selection.best.chi2 / explanation.shooting.dof
-    if left < MUCH_LEFT:
+def _cut_short_note(selection: Selection) -> list[str]:
+    """That not all was tried, and why."""
+    if not selection.cut_short:
         return []
     return [
-        f"All that was tried leaves {left:.3g} times the noise (chi2 per dof). Look at signs and units of the columns "
-        "first: those of controls, and slips of ten such as cm for mm, are not always recognised."
+        f"The search for effects ended early, {_IN_VAIN if selection.in_vain else _WORK_ENDED}. Further ones on top of "
+        "those found, or others in their place, were not all tried."
     ]
 
 

@@ -56,6 +56,7 @@ class Selection:
         fits: all fits, several of some sets among them.
         score: how they compare.
         cut_short: whether sets that could still have become the best were not developed.
+        in_vain: whether none was, for a search on a part of the data had left much more than noise.
         beside: the set from whose initial states smaller ones were fitted last.
         parts: fits of parts of a set that were not compared, by the effects of the set and theirs.
         developed: sets on top of which others were fitted.
@@ -71,6 +72,7 @@ class Selection:
     fits: list[Fit]
     score: Score
     cut_short: bool = False
+    in_vain: bool = False
     beside: Fit | None = None
     parts: dict[tuple[frozenset[Effect], frozenset[Effect]], Fit] = dataclasses.field(default_factory=dict)
     developed: set[frozenset[Effect]] = dataclasses.field(default_factory=set)

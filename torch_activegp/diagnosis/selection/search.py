@@ -95,7 +95,7 @@ def select(
         selection.add(shooting.fit(sets, near.starts, near=near, work=depth.work + depth.more))
         selection.rescale(shooting.dof)
     if not depth.rounds:
-        selection.cut_short = True
+        selection.cut_short = selection.in_vain = True
         return selection
     return go_on(selection, shooting, effects, tell, depth)
 
@@ -111,7 +111,7 @@ def go_on(
 
     Work is counted already (:meth:`Depth.counted_from`).
     """
-    selection.cut_short = False
+    selection.cut_short = selection.in_vain = False
     search(selection, shooting, effects, tell, depth)
     found, goes_on = selection.best, not selection.cut_short and shooting.work <= depth.work
     if goes_on:
