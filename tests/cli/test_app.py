@@ -13,7 +13,7 @@ from typer.testing import CliRunner, Result
 
 import torch_activegp
 from torch_activegp.cli import app, main
-from torch_activegp.cli.app import interruptible
+from torch_activegp.cli.app import console, interruptible, results
 from torch_activegp.errors import ConfigurationError
 
 COMMAND = [sys.executable, "-c", "from torch_activegp.cli import main; main()"]
@@ -161,3 +161,11 @@ print(*sorted(unwanted & set(sys.modules)))
         [sys.executable, "-c", program], cwd=folder, env=environment, capture_output=True, text=True, check=False
     )
     assert (done.returncode, done.stdout, done.stderr) == (0, "\n", "")
+
+
+def test_a_joint_called_x_is_no_picture() -> None:
+    """rich takes ``:x:`` for one."""
+    for printer in (console, results):
+        with printer.capture() as shown:
+            printer.print("joint:x: what any effects leave")
+        assert "joint:x: what" in shown.get()

@@ -19,9 +19,9 @@ from torch_activegp.errors import ActiveGPError
 FAILED, USAGE, INTERRUPTED = 1, 2, 130
 """Exit codes: some of many failed; input that the user can mend; Ctrl-C."""
 
-console = Console(stderr=True)
+console = Console(stderr=True, emoji=False)
 """For progress, notes and errors."""
-results = Console()
+results = Console(emoji=False)
 """For what the user asked for; can be piped into a file."""
 
 

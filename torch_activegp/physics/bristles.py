@@ -20,9 +20,6 @@ _SOFTEST, _SOFT, _STIFFEST = 15.0, 150.0, 1500.0
 _DAMPED = 0.3
 _STABLE = 0.5
 """Square of the radians by which bristles turn a joint in a time step, at most."""
-_QUICK, _QUICK_BY_SPEED = 0.36, 0.01
-"""The same from which on MuJoCo's motor, which damps bristles by their speed as a step begins, is closer without
-damping: of one level, and of one that falls with speed, where it was off by a fifth of what the friction does."""
 _REACH = 2e-3
 """Part of the joint's range that bristles bend, at most: what bends farther is a hysteresis."""
 
@@ -45,6 +42,8 @@ class _Bristled(DryFriction):
     reach: float = np.inf
     row: float = 0.01
     firm: bool = False
+
+    details = 2
 
     @classmethod
     def fits(cls, place: Place, model: mujoco.MjModel) -> bool:
@@ -105,21 +104,9 @@ class _Bristled(DryFriction):
     def _hold(self, step: Step, rows: Index, values: Array) -> None:
         """What the firm friction does before each step."""
 
-    def add_bristles(self, spec: mujoco.MjSpec, values: Array, slides: float, static: float, speed: float) -> None:
-        """Writes them as a passive DC motor, in place of the joint's own ``frictionloss``.
-
-        Args:
-            spec: the model.
-            values: ``(P,)``.
-            slides: friction at speed, N m or N.
-            static: at rest.
-            speed: Stribeck's, rad/s or m/s.
-        """
-        self.joint(spec).frictionloss = 0.0
-        step = np.array([spec.option.timestep])
-        stiffness, damping = (float(x[0]) for x in within_steps(values[-2:-1], values[-1:], self.inertia, step))
-        quick = stiffness * step[0] ** 2 / self.inertia > (_QUICK if static == slides else _QUICK_BY_SPEED)
-        self.add_passive(spec, lugre=[stiffness, 0.0 if quick else damping, slides, static, speed])
+    def write(self, spec: mujoco.MjSpec, values: Array) -> bool:
+        """MJCF has LuGre's friction in a DC motor alone: explicit, and with bristles unbent as a simulation begins."""
+        return False
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
@@ -139,15 +126,6 @@ class BristledCoulomb(_Bristled, CoulombFriction):
     def level(self, speed: Array | float, values: Array) -> Array:
         """The same at any speed."""
         return np.asarray(self.nominal_loss + values[..., 0])
-
-    def write(self, spec: mujoco.MjSpec, values: Array) -> bool:
-        """Writes a passive DC motor with LuGre friction; no friction where nothing is left of it."""
-        level = max(float(self.level(0.0, values)), 0.0)
-        if level == 0.0:
-            self.joint(spec).frictionloss = 0.0
-        else:
-            self.add_bristles(spec, values, level, level, 1.0)
-        return True
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
@@ -170,14 +148,6 @@ class BristledStribeck(_Bristled, StribeckFriction):
 
     def _hold(self, step: Step, rows: Index, values: Array) -> None:
         StribeckFriction.before_step(self, step, rows, values, None)
-
-    def write(self, spec: mujoco.MjSpec, values: Array) -> bool:
-        """Writes a passive DC motor with LuGre friction."""
-        slides, static = (float(self.level(speed, values)) for speed in (np.inf, 0.0))
-        if slides <= 0.0:
-            return False
-        self.add_bristles(spec, values, slides, static, float(values[2]))
-        return True
 
     def describe(self, values: Array) -> dict[str, float]:
         """Coulomb level, static level, Stribeck velocity, and the bristles."""
