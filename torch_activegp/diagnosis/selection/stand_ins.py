@@ -252,15 +252,16 @@ def forms_of_parts(selection: Selection, effects: Sequence[Effect], known: Colle
 
     From where the part was fitted, for beside them it moved: loads of 2.4 and -2.4 kg stood for a centre of mass that
     was off along a second axis too, and the first one was a third of what it is. And, where much more than noise is
-    left, of the one name that leaves least: in a leg's knee a gap left less than any other, and with the joint's
-    damping on the motor a fifth of that, while a delay and four more took its place.
+    left, of the one name that leaves least, if it remembers: in a leg's knee a gap left less than any other, and with
+    the joint's damping on the motor a fifth of that, while a delay and four more took its place.
     """
     best, nominal = selection.best, selection.nominal
     much = nominal.chi2 - _MOST_OF_IT * (nominal.chi2 - best.chi2)
     some = [fit for fit in selection.fits if fit.effects and fit.chi2 < much]
     parts = [fit for fit in some if set(fit.effects) < set(best.effects)]
     if selection.score.inadequate:
-        parts += sorted((fit for fit in some if len(fit.effects) == 1), key=lambda fit: fit.chi2)[:1]
+        first = min((fit for fit in some if len(fit.effects) == 1), key=lambda fit: fit.chi2, default=None)
+        parts += [first] if first is not None and first.effects[0].needs_past else []
     found = {
         frozenset(some[0]): some
         for fit in sorted(parts, key=lambda fit: -fit.chi2)
