@@ -43,8 +43,6 @@ class _Bristled(DryFriction):
     row: float = 0.01
     firm: bool = False
 
-    details = 2
-
     @classmethod
     def fits(cls, place: Place, model: mujoco.MjModel) -> bool:
         """Whether the joint turns back in a run; else its bristles stay bent."""

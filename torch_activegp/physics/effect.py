@@ -131,9 +131,6 @@ class Effect:
     """Whether :meth:`memory` takes, as its fourth, the :class:`~torch_activegp.physics.rotor.Past`."""
     strikes: ClassVar[bool] = False
     """Whether it acts suddenly, at an instant that a time step has room for: its numbers want short ones."""
-    details: ClassVar[int] = 0
-    """How many of the parameters say how it begins to act, and hardly how much: these need not explain a part of the
-    mismatch, however large that is."""
     losses: ClassVar[frozenset[str]] = frozenset()
     """Described amplitudes of what a machine has or has not: where all are negative, the simulator has too much."""
 

@@ -25,7 +25,6 @@ from torch_activegp.diagnosis.selection.screening import Atom, Screen, allowed, 
 from torch_activegp.diagnosis.selection.tuning import at_an_optimum, undone
 from torch_activegp.diagnosis.shooting.fit import Fit
 from torch_activegp.diagnosis.shooting.likelihood import Shooting
-from torch_activegp.diagnosis.shooting.score import NOISE_ALONE
 from torch_activegp.physics.bristles import BRISTLES
 from torch_activegp.physics.effect import Effect
 from torch_activegp.physics.soft_friction import SOFT
@@ -48,8 +47,6 @@ of what the effect gains: of 8 pairs that were no pairs one added nothing."""
 _PLENTY = 400.0
 _LOST, _ROUNDS = 10.0, 20
 """Chi2 per degree of freedom by which a set is lost without an effect, and rounds of the fit that shows it."""
-_NO_BRISTLES = 50.0
-"""Times the noise from which on what is left is no bending of bristles; a ball screw's left 1.9 times."""
 _PROMISING = 0.2
 """Part of the chi2 that dry friction must gain to first order for its soft form to be tried."""
 
@@ -85,15 +82,13 @@ def swap(selection: Selection, shooting: Shooting, effects: Sequence[Effect], wo
 def without_needless_bristles(sets: Sequence[Set], selection: Selection) -> list[Set]:
     """Those of some sets whose friction has bristles that the best one's has not, only where that may tell something.
 
-    That is where a little more than noise is left, or where it spares a name: they want short steps, and take long. Of
-    much more they are no part: a drive (LAAS) leaves 445 times the noise of its positions behind its two frictions.
+    That is where more than noise is left, or where it spares a name: they want short steps, and take long.
     """
-    best, scale = selection.best, selection.score.scale
+    best = selection.best
 
     def tells(some: Set) -> bool:
         new = any(effect.variant == BRISTLES and effect not in best.effects for effect in some[0])
-        fewer = selection.score.refines and len(some[0]) < len(best.effects)
-        return not new or fewer or NOISE_ALONE < scale < _NO_BRISTLES
+        return not (new and selection.score.refines) or len(some[0]) < len(best.effects)
 
     return [some for some in sets if tells(some)]
 

@@ -106,18 +106,19 @@ class Score:
     def price(self, effects: Sequence[Effect]) -> float:
         """What a set must gain to be worth it.
 
-        Further components of a vector, and details of a law, cost no more than corrections do; further parameters of a
-        law that contains a simpler one as much as these refine it.
+        Further components of a vector cost no more than corrections do; further parameters of a law that contains a
+        simpler one as much as these refine it.
         """
         full, refined = max(self.a_parameter, self.least), self.a_refinement
         price = 0.0
         for effect in effects:
+            more = len(effect.parameters) - 1
             if effect.key in self.free:
-                price += 0.0 if self.corrected else len(effect.parameters) * self.a_parameter
-                continue
-            more = len(effect.parameters) - 1 - effect.details
-            each = self.a_parameter if effect.vector else refined if effect.covers else full
-            price += self.a_name + full + more * each + effect.details * self.a_parameter
+                price += 0.0 if self.corrected else (1 + more) * self.a_parameter
+            elif effect.vector:
+                price += self.a_name + full + more * self.a_parameter
+            else:
+                price += self.a_name + full + more * (refined if effect.covers else full)
         return price
 
     @property
