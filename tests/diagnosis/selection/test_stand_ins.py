@@ -302,7 +302,7 @@ def test_bristles_are_tried_where_more_than_noise_is_left_or_where_they_spare_a_
     best = dataclasses.replace(wet, effects=(forms[""], push), values=(np.ones(1),) * 2)
     alone, beside = ((bristled,), (bristled.seeds[0],)), ((bristled, push), (bristled.seeds[0], np.ones(1)))
     firm = ((forms["soft"], push), (np.ones(1), np.ones(1)))
-    for scale, kept in ((1.05, [alone, firm]), (1.5, [alone, beside, firm])):
+    for scale, kept in ((1.05, [firm, alone]), (1.5, [firm, alone, beside])):  # and last
         selection = Selection(best, [best], Score(bench.shooting.samples, 60, scale))
         assert without_needless_bristles([alone, beside, firm], selection) == kept
 

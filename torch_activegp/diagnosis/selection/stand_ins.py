@@ -80,17 +80,18 @@ def swap(selection: Selection, shooting: Shooting, effects: Sequence[Effect], wo
 
 
 def without_needless_bristles(sets: Sequence[Set], selection: Selection) -> list[Set]:
-    """Those of some sets whose friction has bristles that the best one's has not, only where that may tell something.
+    """Some sets, those whose friction has bristles that the best one's has not at the end, and where they may tell.
 
-    That is where more than noise is left, or where it spares a name: they want short steps, and take long.
+    That is where more than noise is left, or where they spare a name: they want short steps, and take long. Where the
+    work ends soon what is simpler must not wait for them: of a drive (LAAS), a sensor's gain stayed in its place.
     """
-    best = selection.best
+    best, refines = selection.best, selection.score.refines
 
-    def tells(some: Set) -> bool:
-        new = any(effect.variant == BRISTLES and effect not in best.effects for effect in some[0])
-        return not (new and selection.score.refines) or len(some[0]) < len(best.effects)
+    def are_new(some: Set) -> bool:
+        return any(effect.variant == BRISTLES and effect not in best.effects for effect in some[0])
 
-    return [some for some in sets if tells(some)]
+    kept = [some for some in sets if not (are_new(some) and refines) or len(some[0]) < len(best.effects)]
+    return sorted(kept, key=are_new)
 
 
 def _in_place(best: Fit, effect: Effect, part: Shooting, fit: Fit, effects: Sequence[Effect]) -> list[Set]:
