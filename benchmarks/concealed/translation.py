@@ -48,7 +48,9 @@ def values_of(effect: Effect, words: Mapping[str, float]) -> Array | None:
     if set(spoken) != set(words):
         return None
     special: dict[str, Callable[[], list[float]]] = {
-        "stribeck_friction": lambda: [words["coulomb"], words["static"] - words["coulomb"], words["velocity"]],
+        "stribeck_friction": lambda: [
+            words["coulomb"], words["static"] - words["coulomb"], *(words[name] for name in names[2:]),
+        ],
         "cogging": lambda: _waves(effect, words),
         "joint_stop": lambda: [
             words["stiffness"], words["damping"], words["position"] * (1.0 if effect.variant == "upper" else -1.0),
