@@ -83,7 +83,7 @@ def without_needless_bristles(sets: Sequence[Set], selection: Selection) -> list
     """Some sets, those whose friction has bristles that the best one's has not at the end, and where they may tell.
 
     That is where more than noise is left, or where they spare a name: they want short steps, and take long. Where the
-    work ends soon what is simpler must not wait for them: of a drive (LAAS), a sensor's gain stayed in its place.
+    work ends soon what is simpler must not wait for them.
     """
     best, refines = selection.best, selection.score.refines
 
