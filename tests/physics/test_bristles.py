@@ -12,7 +12,7 @@ from torch_activegp.physics.bristles import (
     BRISTLED_FORMS,
     BristledCoulomb,
     BristledStribeck,
-    within_steps,
+    _within_steps,
 )
 from torch_activegp.physics.effect import Step
 from torch_activegp.physics.friction import CoulombFriction, StribeckFriction
@@ -184,7 +184,7 @@ def test_bristles_have_the_friction_that_the_model_has_already(bench: Any, kind:
 
 def test_bristles_are_no_stiffer_than_a_time_step_allows() -> None:
     one, dt, inertia = np.ones(1), np.array([5e-3]), 0.1
-    stiffness, damping = within_steps(1e9 * one, 1e9 * one, inertia, dt)
+    stiffness, damping = _within_steps(1e9 * one, 1e9 * one, inertia, dt)
     assert stiffness[0] == pytest.approx(0.5 * inertia / dt[0] ** 2)
     assert damping[0] == pytest.approx(0.5 * inertia / dt[0])
-    assert within_steps(10.0 * one, 0.1 * one, inertia, dt) == (10.0, 0.1)
+    assert _within_steps(10.0 * one, 0.1 * one, inertia, dt) == (10.0, 0.1)

@@ -48,6 +48,21 @@ class _Bristled(DryFriction):
         """Whether the joint turns back in a run; else its bristles stay bent."""
         return place.turns_back and super().fits(place, model)
 
+    @classmethod
+    def instead(cls, firm: DryFriction, place: Place, model: mujoco.MjModel, **more: Any) -> Self:
+        """In place of a firm friction, with the parameters and first guess of its bristles after its own."""
+        inertia = whole_inertia(model, place.index)
+        per = f"{place.force_unit}/{place.position_unit}", f"{place.force_unit} s/{place.position_unit}"
+        low, stiffness, high = (inertia * frequency**2 for frequency in (_SOFTEST, _SOFT, _STIFFEST))
+        damping = 2.0 * _DAMPED * inertia * _SOFT
+        bristles = (
+            Parameter("stiffness", per[0], 0.2 * stiffness, low=low, high=high),
+            Parameter("damping", per[1], 0.2 * damping, low=0.0, high=2.0 * inertia * _STIFFEST),
+        )
+        reach = _REACH * max(place.position[1] - place.position[0], 1e-9)
+        known = {"variant": BRISTLES, "stands_in": True, "inertia": inertia, "reach": reach, "row": place.dt, **more}
+        return cls.make(place, (*firm.parameters, *bristles), [[*firm.seeds[0], stiffness, damping]], **known)
+
     def level(self, speed: Array | float, values: Array) -> Array:
         """What slides at some speed, N m or N."""
         raise NotImplementedError
@@ -91,7 +106,7 @@ class _Bristled(DryFriction):
             return self._hold(step, rows, values)
         assert memory is not None
         level = self.level(step.qvel[rows, self.dof], values)
-        stiffness, damping = within_steps(values[:, -2], values[:, -1], self.inertia, step.dt[rows])
+        stiffness, damping = _within_steps(values[:, -2], values[:, -1], self.inertia, step.dt[rows])
         position, before = step.position(rows, self.qpos, self.dof), memory[:, 0].copy()
         memory[:, 0] = _bent(before, np.nan_to_num(position - memory[:, 1]), level, stiffness)
         memory[:, 1] = position
@@ -119,7 +134,7 @@ class BristledCoulomb(_Bristled, CoulombFriction):
     def at(cls, place: Place, model: mujoco.MjModel) -> Self:
         """Makes the effect for a joint."""
         firm = CoulombFriction.at(place, model)
-        return cls.make(place, *_with_bristles(firm, place, model), tunable=firm.tunable, **_options(place, model))
+        return cls.instead(firm, place, model, tunable=firm.tunable)
 
     def level(self, speed: Array | float, values: Array) -> Array:
         """The same at any speed."""
@@ -137,12 +152,11 @@ class BristledStribeck(_Bristled, StribeckFriction):
     def at(cls, place: Place, model: mujoco.MjModel) -> Self:
         """Makes the effect for a joint."""
         firm = StribeckFriction.at(place, model)
-        return cls.make(place, *_with_bristles(firm, place, model), linear=firm.linear, **_options(place, model))
+        return cls.instead(firm, place, model, linear=firm.linear)
 
     def level(self, speed: Array | float, values: Array) -> Array:
         """Static friction at rest, Coulomb friction at speed."""
-        coulomb, excess, velocity = np.moveaxis(values[..., :3], -1, 0)
-        return np.asarray(self.nominal_loss + coulomb + excess * np.exp(-((speed / velocity) ** 2)))
+        return np.asarray(self.nominal_loss + self.at_speed(speed, np.moveaxis(values, -1, 0)))
 
     def _hold(self, step: Step, rows: Index, values: Array) -> None:
         StribeckFriction.before_step(self, step, rows, values, None)
@@ -152,7 +166,7 @@ class BristledStribeck(_Bristled, StribeckFriction):
         return {**super().describe(values), "stiffness": float(values[-2]), "damping": float(values[-1])}
 
 
-def within_steps(stiffness: Array, damping: Array, inertia: float, dt: Array) -> tuple[Array, Array]:
+def _within_steps(stiffness: Array, damping: Array, inertia: float, dt: Array) -> tuple[Array, Array]:
     """As much of the stiffness and damping of bristles as time steps allow, ``(n,)`` each.
 
     Args:
@@ -169,28 +183,6 @@ def _bent(before: Array, moved: Array, level: Array, stiffness: Array) -> Array:
     most = np.maximum(level, 1e-12)
     end = np.sign(moved) * most
     return np.asarray(end + (before - end) * np.exp(-np.abs(moved) * stiffness / most))
-
-
-def _with_bristles(
-    firm: CoulombFriction | StribeckFriction, place: Place, model: mujoco.MjModel
-) -> tuple[tuple[Parameter, ...], list[list[float]]]:
-    """Parameters and first guess of a friction with bristles."""
-    inertia = whole_inertia(model, place.index)
-    per = f"{place.force_unit}/{place.position_unit}", f"{place.force_unit} s/{place.position_unit}"
-    low, stiffness, high = (inertia * frequency**2 for frequency in (_SOFTEST, _SOFT, _STIFFEST))
-    damping = 2.0 * _DAMPED * inertia * _SOFT
-    bristles = (
-        Parameter("stiffness", per[0], 0.2 * stiffness, low=low, high=high),
-        Parameter("damping", per[1], 0.2 * damping, low=0.0, high=2.0 * inertia * _STIFFEST),
-    )
-    return (*firm.parameters, *bristles), [[*firm.seeds[0], stiffness, damping]]
-
-
-def _options(place: Place, model: mujoco.MjModel) -> dict[str, Any]:
-    """What both forms know of themselves and the joint."""
-    reach = _REACH * max(place.position[1] - place.position[0], 1e-9)
-    inertia = whole_inertia(model, place.index)
-    return {"variant": BRISTLES, "stands_in": True, "inertia": inertia, "reach": reach, "row": place.dt}
 
 
 BRISTLED_FORMS: tuple[type[_Bristled], ...] = (BristledCoulomb, BristledStribeck)

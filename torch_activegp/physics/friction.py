@@ -124,7 +124,17 @@ class StribeckFriction(DryFriction):
 
     def force(self, position: Array, velocity: Array, values: Sequence[Array] | Array) -> Array:
         """The law; see :meth:`JointEffect.force`."""
-        return -(values[0] + values[1] * np.exp(-((velocity / values[2]) ** 2))) * np.sign(velocity)
+        return -self.at_speed(velocity, values) * np.sign(velocity)
+
+    @staticmethod
+    def at_speed(velocity: Array | float, values: Sequence[Array] | Array) -> Array:
+        """What slides at some speed: F, and of the static excess S - F what is left there.
+
+        Args:
+            velocity: of the joint.
+            values: F, S - F and w, along the first axis.
+        """
+        return np.asarray(values[0] + values[1] * np.exp(-((velocity / values[2]) ** 2)))
 
     def plausible(self, values: Array) -> bool:
         """Whether there is friction at speed too."""
@@ -142,8 +152,7 @@ class StribeckFriction(DryFriction):
 
     def before_step(self, step: Step, rows: Index, values: Array, memory: Array | None) -> None:
         """Sets ``dof_frictionloss`` by the speed at the start of the step."""
-        speed = step.qvel[rows, self.dof]
-        level = values[:, 0] + values[:, 1] * np.exp(-((speed / values[:, 2]) ** 2))
+        level = self.at_speed(step.qvel[rows, self.dof], values.T)
         step.field("dof_frictionloss")[rows, self.dof] = np.maximum(self.nominal_loss + level, 0.0)
 
     def write(self, spec: mujoco.MjSpec, values: Array) -> bool:
