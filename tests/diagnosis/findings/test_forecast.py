@@ -177,6 +177,26 @@ def test_a_model_that_does_not_follow_a_run_is_begun_from_longer_beginnings_too(
     np.testing.assert_allclose(other[1], plain[1], atol=1e-3)
 
 
+def test_a_model_that_does_not_follow_a_run_begins_where_the_one_that_does_begins(bench, truth, monkeypatch) -> None:
+    followed, ended, tried = forecast._followed, forecast._ended, []
+
+    def astray(begin, whole, lengths):
+        starts, _ = followed(begin, whole, lengths)
+        starts[1:] += 0.5
+        return starts, begin.engine.predict(whole, starts, begin.candidates)
+
+    def spy(begin, whole, starts):
+        tried.append(begin.candidates)
+        return ended(begin, whole, starts)
+
+    runs, noise, other = bench.machine.holdout, bench.shooting.noise, Candidate(truth.effects, truth.values)
+    monkeypatch.setattr(forecast, "_followed", astray)
+    monkeypatch.setattr(forecast, "_ended", spy)
+    ((one, _),), ((two, _),) = free_run(bench.engine, [truth, other], runs, noise)
+    assert np.abs(one - two).max() < 0.1 * noise.scale[0]
+    assert [len(some) for some in tried] == [2, 1]  # in the end of the fit to the beginnings, and of the lost one
+
+
 def test_forecasts_begin_with_that_guess(bench, truth, monkeypatch) -> None:
     """Without a fit they end where they began."""
 
