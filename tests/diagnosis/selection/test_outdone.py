@@ -96,3 +96,35 @@ def test_parameters_that_undo_a_tuning_are_no_names(bench, vector, law) -> None:
     assert among(bench, tuned, law, free=frozenset({wet.key})).best is law
     beside = dataclasses.replace(law, effects=(*law.effects, wet), values=(*law.values, np.ones(1)))
     assert among(bench, vector, beside, free=frozenset({wet.key})).best is vector
+
+
+def refined(bench, gained: float = 40.0, beside: float = 100.0, held: str = "viscous_friction"):
+    """A damping, one that depends on the direction and gains a little more, and one with a push beside it."""
+    damping, push = bench.effect("viscous_friction"), bench.effect("constant_force")
+    law = next(e for e in bench.effects if e.key == ("asymmetric_friction", "joint:hip") and damping.name in e.covers)
+    plain = dataclasses.replace(bench.nominal, effects=(damping,), values=(np.ones(1),), chi2=5000.0)
+    finer = dataclasses.replace(plain, effects=(law,), values=(np.ones(2),), chi2=plain.chi2 - gained)
+    two = dataclasses.replace(
+        plain, effects=(bench.effect(held), push), values=(np.ones(1),) * 2, chi2=plain.chi2 - beside
+    )
+    return finer, among(bench, plain, finer, two)
+
+
+def test_a_law_is_not_refined_where_what_is_left_has_another_place(bench) -> None:
+    finer, found = refined(bench)
+    assert found.score(finer) == min(map(found.score, found.fits))
+    assert finer not in found.ranked()
+    assert [e.name for e in found.best.effects] == ["viscous_friction"]
+
+
+@pytest.mark.parametrize(
+    "other",
+    [
+        {"beside": 50.0},
+        {"held": "coulomb_friction"},
+        {"gained": 400.0, "beside": 500.0},
+    ],
+)
+def test_a_law_is_refined_where_that_gains_as_much_or_a_name(bench, other) -> None:
+    finer, found = refined(bench, **other)
+    assert found.best is finer
