@@ -114,7 +114,8 @@ def diagnose(
     try:
         explanation = explain(machine, tried, nthread, _usually_done(say), checkpoint)
         say("weighing the evidence", 0.9)
-        return _report(source, machine, explanation, decide(explanation.shooting, explanation.selection), seed, say)
+        verdict = decide(explanation.shooting, explanation.selection, explanation.effects)
+        return _report(source, machine, explanation, verdict, seed, say)
     finally:
         linearize.cache_clear()  # holds likelihood and recordings
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 from collections.abc import Callable
-from typing import Any, Self
+from typing import Self
 
 import mujoco
 import numpy as np
@@ -49,9 +49,9 @@ class _Bristled(DryFriction):
         return place.turns_back and super().fits(place, model)
 
     @classmethod
-    def instead(cls, firm: DryFriction, place: Place, model: mujoco.MjModel, **more: Any) -> Self:
-        """In place of a firm friction, with the parameters and first guess of its bristles after its own."""
-        inertia = whole_inertia(model, place.index)
+    def at(cls, place: Place, model: mujoco.MjModel) -> Self:
+        """Makes the effect for a joint: the firm friction, with parameters and a first guess of its bristles."""
+        firm, inertia = super().at(place, model), whole_inertia(model, place.index)
         per = f"{place.force_unit}/{place.position_unit}", f"{place.force_unit} s/{place.position_unit}"
         low, stiffness, high = (inertia * frequency**2 for frequency in (_SOFTEST, _SOFT, _STIFFEST))
         damping = 2.0 * _DAMPED * inertia * _SOFT
@@ -59,9 +59,16 @@ class _Bristled(DryFriction):
             Parameter("stiffness", per[0], 0.2 * stiffness, low=low, high=high),
             Parameter("damping", per[1], 0.2 * damping, low=0.0, high=2.0 * inertia * _STIFFEST),
         )
-        reach = _REACH * max(place.position[1] - place.position[0], 1e-9)
-        known = {"variant": BRISTLES, "stands_in": True, "inertia": inertia, "reach": reach, "row": place.dt, **more}
-        return cls.make(place, (*firm.parameters, *bristles), [[*firm.seeds[0], stiffness, damping]], **known)
+        return dataclasses.replace(
+            firm,
+            parameters=(*firm.parameters, *bristles),
+            seeds=np.array([[*firm.seeds[0], stiffness, damping]]),
+            variant=BRISTLES,
+            stands_in=True,
+            inertia=inertia,
+            reach=_REACH * max(place.position[1] - place.position[0], 1e-9),
+            row=place.dt,
+        )
 
     def level(self, speed: Array | float, values: Array) -> Array:
         """What slides at some speed, N m or N."""
@@ -130,12 +137,6 @@ class BristledCoulomb(_Bristled, CoulombFriction):
     never_negative = frozenset({"stiffness", "damping"})
     needs_steps = True
 
-    @classmethod
-    def at(cls, place: Place, model: mujoco.MjModel) -> Self:
-        """Makes the effect for a joint."""
-        firm = CoulombFriction.at(place, model)
-        return cls.instead(firm, place, model, tunable=firm.tunable)
-
     def level(self, speed: Array | float, values: Array) -> Array:
         """The same at any speed."""
         return np.asarray(self.nominal_loss + values[..., 0])
@@ -148,15 +149,9 @@ class BristledStribeck(_Bristled, StribeckFriction):
     law = "-(F + (S - F) exp(-(v/w)^2)) sign(v), by bristles that bend before it slides"
     never_negative = StribeckFriction.never_negative | BristledCoulomb.never_negative
 
-    @classmethod
-    def at(cls, place: Place, model: mujoco.MjModel) -> Self:
-        """Makes the effect for a joint."""
-        firm = StribeckFriction.at(place, model)
-        return cls.instead(firm, place, model, linear=firm.linear)
-
     def level(self, speed: Array | float, values: Array) -> Array:
         """Static friction at rest, Coulomb friction at speed."""
-        return np.asarray(self.nominal_loss + self.at_speed(speed, np.moveaxis(values, -1, 0)))
+        return np.asarray(self.nominal_loss + self.added(speed, np.moveaxis(values, -1, 0)))
 
     def _hold(self, step: Step, rows: Index, values: Array) -> None:
         StribeckFriction.before_step(self, step, rows, values, None)

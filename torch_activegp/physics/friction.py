@@ -124,11 +124,11 @@ class StribeckFriction(DryFriction):
 
     def force(self, position: Array, velocity: Array, values: Sequence[Array] | Array) -> Array:
         """The law; see :meth:`JointEffect.force`."""
-        return -self.at_speed(velocity, values) * np.sign(velocity)
+        return -self.added(velocity, values) * np.sign(velocity)
 
     @staticmethod
-    def at_speed(velocity: Array | float, values: Sequence[Array] | Array) -> Array:
-        """What slides at some speed: F, and of the static excess S - F what is left there.
+    def added(velocity: Array | float, values: Sequence[Array] | Array) -> Array:
+        """What it adds to the model's own dry friction: F, and of the static excess S - F what is left at some speed.
 
         Args:
             velocity: of the joint.
@@ -152,7 +152,7 @@ class StribeckFriction(DryFriction):
 
     def before_step(self, step: Step, rows: Index, values: Array, memory: Array | None) -> None:
         """Sets ``dof_frictionloss`` by the speed at the start of the step."""
-        level = self.at_speed(step.qvel[rows, self.dof], values.T)
+        level = self.added(step.qvel[rows, self.dof], values.T)
         step.field("dof_frictionloss")[rows, self.dof] = np.maximum(self.nominal_loss + level, 0.0)
 
     def write(self, spec: mujoco.MjSpec, values: Array) -> bool:

@@ -177,24 +177,51 @@ def test_a_model_that_does_not_follow_a_run_is_begun_from_longer_beginnings_too(
     np.testing.assert_allclose(other[1], plain[1], atol=1e-3)
 
 
-def test_a_model_that_does_not_follow_a_run_begins_where_the_one_that_does_begins(bench, truth, monkeypatch) -> None:
+@pytest.fixture
+def astray(bench, truth, monkeypatch):
+    """Free runs of two equal models over two runs of different length, some of which were led astray."""
     followed, ended, tried = forecast._followed, forecast._ended, []
+    long = bench.machine.holdout[0]
+    runs = [long, dataclasses.replace(bench.machine.fit[0], label="other")]
+    models = [truth, Candidate(truth.effects, truth.values)]
 
-    def astray(begin, whole, lengths):
-        starts, _ = followed(begin, whole, lengths)
-        starts[1:] += 0.5
-        return starts, begin.engine.predict(whole, starts, begin.candidates)
+    def lead(by: np.ndarray) -> tuple[np.ndarray, list]:
+        """By so much, ``(2, 2)``; what is left of each in units of the noise, and the models and runs tried again."""
 
-    def spy(begin, whole, starts):
-        tried.append(begin.candidates)
-        return ended(begin, whole, starts)
+        def led(begin, whole, lengths):
+            starts, _ = followed(begin, whole, lengths)
+            starts[..., 0] += by
+            return starts, begin.engine.predict(whole, starts, begin.candidates)
 
-    runs, noise, other = bench.machine.holdout, bench.shooting.noise, Candidate(truth.effects, truth.values)
-    monkeypatch.setattr(forecast, "_followed", astray)
-    monkeypatch.setattr(forecast, "_ended", spy)
-    ((one, _),), ((two, _),) = free_run(bench.engine, [truth, other], runs, noise)
-    assert np.abs(one - two).max() < 0.1 * noise.scale[0]
-    assert [len(some) for some in tried] == [2, 1]  # in the end of the fit to the beginnings, and of the lost one
+        def spy(begin, whole, starts):
+            tried.append((len(begin.candidates), [whole.runs[i].label for i in whole.run]))
+            return ended(begin, whole, starts)
+
+        tried.clear()
+        monkeypatch.setattr(forecast, "_followed", led)
+        monkeypatch.setattr(forecast, "_ended", spy)
+        found = free_run(bench.engine, models, runs, bench.shooting.noise)
+        off = [[np.std(run.position - path) for run, (path, _) in zip(runs, some, strict=True)] for some in found]
+        return np.array(off) / bench.shooting.noise.scale[0], tried[1:]
+
+    monkeypatch.setattr(forecast, "_FIRST", 1e3)  # no longer beginnings
+    return lead
+
+
+def test_a_model_that_does_not_follow_a_run_begins_where_the_one_that_does_begins(astray) -> None:
+    """In each run another one; and what is followed is not tried again."""
+    off, lent = astray(np.array([[0.0, 0.5], [0.5, 0.0]]))
+    assert (off < 1.3).all()
+    assert lent == [(2, ["kept", "other"])]
+    off, lent = astray(np.array([[0.0, 0.5], [0.0, 0.0]]))
+    assert (off < 1.3).all()
+    assert lent == [(1, ["other"])]
+
+
+def test_where_no_model_follows_none_lends_its_begin(astray) -> None:
+    off, lent = astray(np.array([[0.5, 0.0], [0.6, 0.0]]))
+    assert (off[:, 0] > 5.0).all()
+    assert lent == []
 
 
 def test_forecasts_begin_with_that_guess(bench, truth, monkeypatch) -> None:

@@ -33,7 +33,7 @@ def explanation(bench) -> Explanation:
 
 @pytest.fixture
 def verdict(explanation) -> Verdict:
-    return decide(explanation.shooting, explanation.selection)
+    return decide(explanation.shooting, explanation.selection, explanation.effects)
 
 
 @pytest.mark.parametrize(("before", "after", "lost"), [(FAR, NEAR, False), (FAR, 20.0, True)])

@@ -186,3 +186,17 @@ def test_the_diagnosis_holds_it_as_plain_values(diagnosed) -> None:
 )
 def test_what_refutes_an_effect(gains, gain: float, white: bool, refuted: bool) -> None:
     assert is_refuted(gains, gain, white) is refuted
+
+
+@pytest.mark.parametrize(
+    ("gains", "loud", "refuted"),
+    [
+        ((300.0,) * 10 + (-180.0, -50.0), True, True),
+        ((300.0,) * 10 + (-180.0, -50.0), False, False),
+        ((300.0,) * 10 + (-180.0, -9.0), True, False),  # one of them is no more than chance
+        ((300.0,) * 12 + (-180.0, -50.0), True, False),
+        ((300.0,) * 10 + (5.0, 9.0, None) + (-180.0, -50.0), True, True),  # where it does not act it is no better
+    ],
+)
+def test_where_much_is_left_an_effect_must_be_told_by_recordings(gains, loud: bool, refuted: bool) -> None:
+    assert is_refuted(gains, 1e4, white=False, loud=loud) is refuted

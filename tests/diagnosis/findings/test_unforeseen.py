@@ -81,7 +81,7 @@ def loud(clean) -> tuple[Run, ...]:
 
 
 def test_held_out_runs_say_where_it_is(clean, explanation) -> None:
-    verdict, runs = decide(explanation.shooting, explanation.selection), loud(clean)
+    verdict, runs = decide(explanation.shooting, explanation.selection, explanation.effects), loud(clean)
     there, judged = seen_there(explanation, verdict, runs, "why")
     assert (judged.unforeseen, judged.judgement.verdict, judged.judgement.white) == ("why", "unknown", False)
     assert there.shooting.segments.runs == runs
@@ -93,7 +93,7 @@ def test_held_out_runs_say_where_it_is(clean, explanation) -> None:
 def test_what_the_clock_of_held_out_runs_may_have_left_is_said_once_and_no_mismatch(
     clean, explanation, monkeypatch
 ) -> None:
-    verdict = decide(explanation.shooting, explanation.selection)
+    verdict = decide(explanation.shooting, explanation.selection, explanation.effects)
     monkeypatch.setattr("torch_activegp.diagnosis.findings.unforeseen.rounded_clock", lambda shooting, fit: "rounded")
     said = seen_there(explanation, verdict, loud(clean), "why")
     assert said == (explanation, verdict._replace(clock="rounded"))
@@ -101,14 +101,18 @@ def test_what_the_clock_of_held_out_runs_may_have_left_is_said_once_and_no_misma
 
 
 def test_a_mismatch_of_held_out_runs_keeps_what_was_said_of_the_clock(clean, explanation) -> None:
-    verdict = decide(explanation.shooting, explanation.selection)._replace(clock="rounded")
+    verdict = decide(explanation.shooting, explanation.selection, explanation.effects)._replace(clock="rounded")
     _, judged = seen_there(explanation, verdict, loud(clean), "why")
     assert (judged.judgement.verdict, judged.clock, judged.unforeseen) == ("unknown", "rounded", "why")
 
 
 @pytest.mark.parametrize("failed", [1, None])
 def test_segments_that_no_simulation_follows_are_left_out(clean, explanation, monkeypatch, failed) -> None:
-    verdict, runs, fit = decide(explanation.shooting, explanation.selection), loud(clean), Shooting.fit
+    verdict, runs, fit = (
+        decide(explanation.shooting, explanation.selection, explanation.effects),
+        loud(clean),
+        Shooting.fit,
+    )
 
     def fails(shooting: Shooting, *args, **kwargs) -> list[Fit]:
         found = fit(shooting, *args, **kwargs)[0]

@@ -196,7 +196,9 @@ def test_a_run_that_nothing_forecasts_refutes_nothing_and_a_note_says_so(bench) 
 
 def test_without_its_names_a_verdict_is_unknown_and_says_why(bench) -> None:
     fits = [bench.nominal, bench.fit("viscous_friction", 0.05)]
-    verdict = decide(bench.shooting, Selection(bench.nominal, fits, Score(bench.shooting.samples, 60, 1.0)))
+    verdict = decide(
+        bench.shooting, Selection(bench.nominal, fits, Score(bench.shooting.samples, 60, 1.0)), bench.effects
+    )
     judgement, stable, notes, *_ = taken_back(verdict, "not the held-out ones: free runs are off")
     assert (judgement.verdict, judgement.named, judgement.unexplained, stable) == ("unknown", (), 1.0, None)
     assert notes[-1].startswith("viscous_friction at joint:hip would explain these recordings best, but not the held-")

@@ -122,9 +122,21 @@ def test_a_law_is_not_refined_where_what_is_left_has_another_place(bench) -> Non
     [
         {"beside": 50.0},
         {"held": "coulomb_friction"},
-        {"gained": 400.0, "beside": 500.0},
+        {"gained": 700.0, "beside": 800.0},
     ],
 )
 def test_a_law_is_refined_where_that_gains_as_much_or_a_name(bench, other) -> None:
     finer, found = refined(bench, **other)
     assert found.best is finer
+
+
+def test_a_law_stays_where_the_simpler_one_was_not_compared_or_more_stands_beside_it(bench) -> None:
+    finer, found = refined(bench)
+    plain, two = (next(fit for fit in found.fits if len(fit.effects) == n and fit is not finer) for n in (1, 2))
+    assert among(bench, finer, two).best is finer
+    drag = bench.effect("quadratic_drag")
+    three = dataclasses.replace(two, effects=(*two.effects, drag), values=(np.ones(1), np.ones(0), np.ones(1)))
+    assert three.size <= finer.size
+    assert among(bench, plain, finer, three).best is finer
+    larger = dataclasses.replace(two, values=(np.ones(1), np.ones(2)))
+    assert among(bench, plain, finer, larger).best is finer

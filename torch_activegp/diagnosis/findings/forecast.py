@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import math
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -30,7 +30,7 @@ _FIRST = 1.0
 _LOST = 4.0
 """A model whose chi2 per sample is larger on a run does not follow it."""
 _NEARER = 0.99
-"""Part of a chi2 that other initial states must leave at most: less is where a fit happened to end."""
+"""Part of a chi2 that other initial states must leave at most, for fits end within a percent of each other."""
 _STILL = 3.0
 """A joint that moves by less than so many times its noise in a run stands still there."""
 FAILED = 1e9
@@ -84,8 +84,8 @@ def free_run(
     The fit begins where one to the first second ends, or with the smoothed recording or a line through its first rows,
     whichever leads on better. Of a model that does not follow a run so, initial states are fitted to ever longer
     beginnings too: a wrong model has several that fit it almost as well, and its error would be that of the one that
-    was met first. And then where the model that follows the run best begins: a leg that did not reach its stop in a run
-    met it on the way to the right state, and was 12 times the noise away, for 0.9 without the stop.
+    was met first. And in runs that another of the models follows they begin where that begins: on the way to its right
+    state a leg met a stop that it did not reach in the run, and was 12 times the noise away, for 0.9 without the stop.
 
     Returns:
         For each candidate and each run, positions ``(K + 1, C)``, rad or m, and the initial state, ``(nq + nv,)``.
@@ -94,23 +94,26 @@ def free_run(
     begin = Beginnings(engine, noise, candidates, median_step(runs))
     shooting = Shooting(engine, whole, begin.noise)
     starts, paths = _followed(begin, whole, [_FIRST])
+    left, most = left_by(shooting, paths), _LOST * whole.samples
+
+    def keep(which: NDArray[np.int64], rows: NDArray[np.int64], others: Array, there: Array) -> None:
+        """Takes initial states of some models in some runs, and paths from there, where these are clearly nearer."""
+        at, now = np.ix_(which, rows), left_by(shooting.pick(rows), there)
+        nearer = now < _NEARER * left[at]
+        left[at] = np.where(nearer, now, left[at])
+        starts[at] = np.where(nearer[..., None], others, starts[at])
+        paths[at] = np.where(nearer[..., None, None], there, paths[at])
+
+    lost = np.flatnonzero((left > most).any(axis=1))
     doublings = math.ceil(math.log2(max(max(float(run.time[-1]) for run in runs) / _FIRST, 1.0)))
     lengths = [_FIRST * 2.0**n for n in range(1, doublings)]  # the whole comes in the end
-
-    def take(tried: Callable[[Beginnings, Array], tuple[Array, Array]]) -> None:
-        """Tries other initial states with models that do not follow a run."""
-        chi2 = left_by(shooting, paths)
-        lost = np.flatnonzero((chi2 > _LOST * whole.samples).any(axis=1))
-        if lost.size:
-            others, there = tried(begin.of(lost), chi2)
-            nearer = (left_by(shooting, there) < _NEARER * chi2[lost])[..., None]
-            starts[lost] = np.where(nearer, others, starts[lost])
-            paths[lost] = np.where(nearer[..., None], there, paths[lost])
-
-    if lengths:
-        take(lambda some, _: _followed(some, whole, lengths))
-    if len(candidates) > 1:
-        take(lambda some, chi2: _ended(some, whole, starts[chi2.argmin(axis=0), np.arange(len(runs))]))
+    if lost.size and lengths:
+        keep(lost, np.arange(len(runs)), *_followed(begin.of(lost), whole, lengths))
+    astray = (left > most) & (left.min(axis=0) <= most)
+    lost, rows = np.flatnonzero(astray.any(axis=1)), np.flatnonzero(astray.any(axis=0))
+    if lost.size:
+        nearest = starts[left[:, rows].argmin(axis=0), rows]
+        keep(lost, rows, *_ended(begin.of(lost), whole.pick(rows), nearest))
     return [
         [(path[i, : len(run)], first[i]) for i, run in enumerate(runs)]
         for path, first in zip(paths, starts, strict=True)
@@ -151,9 +154,10 @@ def compare(
         noise: noise of the recordings.
 
     Returns:
-        The ``holdout`` entry of ``diagnosis.json``, and traces as the report draws them. A joint that stands still in a
-        run counts in nothing over all, unless all do in all runs, and its own errors are in units of its noise; those
-        of a simulation that fails are 1e9.
+        The ``holdout`` entry of ``diagnosis.json``, and traces as the report draws them. Models by one engine lend each
+        other initial states, :func:`free_run`, so that one may follow a run better than alone. A joint that stands
+        still in a run counts in nothing over all, unless all do in all runs, and its own errors are in units of its
+        noise; those of a simulation that fails are 1e9.
     """
     entries: list[dict[str, Any]] = []
     traces: list[dict[str, Any]] = []

@@ -50,7 +50,7 @@ def reconsider(
         why = reservation(shooting, chosen, machine.doubts) or refutation(foreseeable(holdout), expected)
         if why is not None:
             return explanation, taken_back(verdict, why)
-        return without_idle(explanation, chosen, holdout, machine.holdout)
+        return without_idle(explanation, chosen, machine.holdout)
     if verdict.judgement.verdict != "none":
         return None
     mute = {run.label for run in machine.holdout if run.label in wild and _touches(machine, run)}

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+from collections.abc import Sequence
 from typing import NamedTuple
 
 from torch_activegp.diagnosis.findings.rounded_clock import rounded_clock
@@ -10,7 +11,9 @@ from torch_activegp.diagnosis.findings.stability import stability
 from torch_activegp.diagnosis.result import Stability
 from torch_activegp.diagnosis.selection.compared import Selection
 from torch_activegp.diagnosis.selection.judge import Judgement, judge
+from torch_activegp.diagnosis.selection.one_law import with_one_law
 from torch_activegp.diagnosis.shooting.likelihood import Shooting
+from torch_activegp.physics.effect import Effect
 
 
 class Verdict(NamedTuple):
@@ -31,7 +34,7 @@ class Verdict(NamedTuple):
     clock: str = ""
 
 
-def decide(shooting: Shooting, selection: Selection) -> Verdict:
+def decide(shooting: Shooting, selection: Selection, effects: Sequence[Effect]) -> Verdict:
     """Judges, and judges again without the sets of a name that leaving recordings out refutes, one name at a time.
 
     A score on all data takes noise for independent. Where it is not (a coarse encoder at slow motion), some law of many
@@ -40,6 +43,7 @@ def decide(shooting: Shooting, selection: Selection) -> Verdict:
     Args:
         shooting: the likelihood.
         selection: the compared sets.
+        effects: what was tried.
     """
     notes: list[str] = []
     while True:
@@ -53,9 +57,24 @@ def decide(shooting: Shooting, selection: Selection) -> Verdict:
                 judgement = dataclasses.replace(judgement, verdict="none", unexplained=0.0)
             return Verdict(judgement, found, tuple(notes), clock=clock)
         worst = min(refuted, key=lambda effect: sum(gain or 0.0 for gain in effect.gains))
+        lost = sum((gain or 0.0) < 0.0 for gain in worst.gains)
         notes.append(
             f"{worst.name} at {worst.target} would fit these recordings better, but by chance: fitted to the others, "
-            "it makes the forecasts of recordings left out worse. It is not named."
+            f"it makes the forecasts of {lost} of {len(worst.gains)} left out worse. It is not named."
         )
-        selection = selection.without((worst.name, worst.target), shooting.dof)
+        selection = without_name(shooting, selection, (worst.name, worst.target), effects)
         selection.score = selection.score.without_free()
+
+
+def without_name(
+    shooting: Shooting, selection: Selection, key: tuple[str, str], effects: Sequence[Effect]
+) -> Selection:
+    """The sets without a name at a target, with one law then for a friction that is about as large both ways.
+
+    Args:
+        shooting: the likelihood.
+        selection: the compared sets.
+        key: name and target.
+        effects: what was tried.
+    """
+    return with_one_law(shooting, selection.without(key, shooting.dof), effects)

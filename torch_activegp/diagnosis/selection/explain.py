@@ -19,7 +19,6 @@ from torch_activegp.diagnosis.preparation.noise_left import noise_behind, raised
 from torch_activegp.diagnosis.preparation.numerics import Numerics
 from torch_activegp.diagnosis.selection.compared import Selection
 from torch_activegp.diagnosis.selection.corrections import correct_alike
-from torch_activegp.diagnosis.selection.denied import without_denied
 from torch_activegp.diagnosis.selection.finer_steps import nameless_in_finer_steps, of_a_step, without_a_step
 from torch_activegp.diagnosis.selection.first_names import Naming, besides, in_brief_pieces, is_of, leaders, on_a_part
 from torch_activegp.diagnosis.selection.one_law import with_one_law
@@ -219,7 +218,6 @@ def _finish(
         engine, (shooting, selection) = nameless[0].engine, nameless
     else:
         correct_alike(selection, shooting, effects)
-        selection = without_denied(shooting, selection, effects)
         polish(shooting, selection, effects)
         shooting = by_their_own_errors(shooting, engine, selection)
         selection = with_one_law(shooting, selection, effects)
