@@ -41,8 +41,8 @@ gained 1890, and made the forecast of the second worse by 715."""
 
 _BY_CHANCE = 0.01
 """Chance that coins make no more tails than an effect makes clear forecasts of recordings worse. On a drive that cogs
-dry and viscous friction left 280 times the noise with an encoder's gain of 1.027 and 444 without; the frictions made the
-forecasts of all 12 recordings better, the gain of 10, and two clearly worse (0.02)."""
+dry and viscous friction left 280 times the noise with an encoder's gain of 1.027, and 444 without. The frictions made
+the forecasts of all 12 recordings better, the gain of 10, and two clearly worse (0.02)."""
 
 
 def stability(shooting: Shooting, selection: Selection, judgement: Judgement) -> Stability | None:
