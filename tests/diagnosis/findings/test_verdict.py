@@ -41,7 +41,7 @@ def test_a_refuted_name_makes_way_for_the_next_best_set(bench, selection, monkey
     judgement, _, notes, *_ = decide(bench.shooting, selection, bench.effects)
     assert judgement.fit.keys == {("coulomb_friction", "joint:hip")}
     assert [words.split(" would")[0] for words in notes] == ["viscous_friction at joint:hip"]
-    assert "worse" in notes[0] and "1 of 2" in notes[0]
+    assert "of 1 of the 2 recordings left out worse" in notes[0]
     assert len(selection.fits) == 3  # the caller's own are left alone
     left = Selection(nominal, [nominal, dry], plain)
     left.rescale(bench.shooting.dof)

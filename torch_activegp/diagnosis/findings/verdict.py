@@ -60,7 +60,7 @@ def decide(shooting: Shooting, selection: Selection, effects: Sequence[Effect]) 
         lost = sum((gain or 0.0) < 0.0 for gain in worst.gains)
         notes.append(
             f"{worst.name} at {worst.target} would fit these recordings better, but by chance: fitted to the others, "
-            f"it makes the forecasts of {lost} of {len(worst.gains)} left out worse. It is not named."
+            f"it makes the forecasts of {lost} of the {len(worst.gains)} recordings left out worse. It is not named."
         )
         selection = without_name(shooting, selection, (worst.name, worst.target), effects)
         selection.score = selection.score.without_free()
