@@ -77,8 +77,8 @@ def aliases(shooting: Shooting, fit: Fit, effect: Effect, effects: Sequence[Effe
     if not effect.linear and effect.parameters[0].place:
         return []
     part, which = shooting.subset(PART)
-    here, others = fit.pick(which), tuple(e for e in fit.effects if e is not effect)
-    rest = dataclasses.replace(fit, effects=others, values=tuple(fit.by_effect[e] for e in others))
+    here, (others, kept) = fit.pick(which), fit.part(e for e in fit.effects if e is not effect)
+    rest = dataclasses.replace(fit, effects=others, values=kept)
     free = [e for e in allowed(effects, rest) if e.key != effect.key and effect.name not in e.covers]
     plan = [(e, seed) for e in free for seed in e.seeds]
     wanted = [(e, values) for e, seed in plan for values in unit_values(e, seed)]

@@ -255,9 +255,8 @@ def fitted(shooting: Shooting, selection: Selection, effects: Sequence[Effect], 
     place = frozenset(best.effects), frozenset(effects)
     found = [fit for fit in (selection.of(effects), selection.parts.get(place)) if fit is not None]
     if not found:
-        start = (tuple(effects), tuple(best.by_effect[effect] for effect in effects))
         smaller = selection.below(effects) if effects else None
-        found = shooting.fit([start], best.starts, _ROUGHLY, near=best, below=smaller)
+        found = shooting.fit([best.part(effects)], best.starts, _ROUGHLY, near=best, below=smaller)
     if place not in selection.parts:
         near = found[0].chi2 - best.chi2 < NEARLY * shooting.dof
         again = borrowed(shooting, found[0], best) if near else _from_within(shooting, selection, found[0])
@@ -272,10 +271,9 @@ def without_each(
     """The best set without each of some of its effects; fits end where so much is computed in all."""
     best = selection.best
     rests = {effect: [e for e in best.effects if e is not effect] for effect in named}
-    values = best.by_effect
     unknown = [rest for rest in rests.values() if selection.of(rest) is None]
     if unknown:
-        sets = [(rest, [values[e] for e in rest]) for rest in unknown]
+        sets = [best.part(rest) for rest in unknown]
         selection.add(shooting.fit(sets, best.starts, near=best, below=selection.nominal, work=work))
     smaller = []
     for effect, rest in rests.items():

@@ -90,7 +90,7 @@ def of_a_step(numerics: Numerics, engine: Engine, shooting: Shooting, selection:
     """
     best, row = selection.best, median_step(shooting.segments.runs)
     late = _late(best, row / engine.substeps)
-    without = _but(best, late)
+    without = best.part(e for e in best.effects if e not in late)
     if late and any(effect.strikes for effect in best.effects):
         lost = fitted(shooting, selection, without[0]).chi2 - best.chi2
         return late if lost < _OF_THE_MISMATCH * (selection.nominal.chi2 - best.chi2) else frozenset()
@@ -105,12 +105,6 @@ def of_a_step(numerics: Numerics, engine: Engine, shooting: Shooting, selection:
         if some[0] and (found := _does_as_well(numerics, shooting, precise, selection, some, first)):
             return found
     return frozenset()
-
-
-def _but(fit: Fit, some: frozenset[Effect]) -> Set:
-    """A set without some of its effects."""
-    kept = [(e, v) for e, v in fit.by_effect.items() if e not in some]
-    return tuple(e for e, _ in kept), tuple(v for _, v in kept)
 
 
 def _late(fit: Fit, step: float) -> frozenset[Effect]:

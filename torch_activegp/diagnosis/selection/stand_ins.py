@@ -170,8 +170,7 @@ def _lost_on_a_part(
 
 def _smaller(part: Shooting, here: Fit, sets: Sequence[Sequence[Effect]]) -> list[Fit]:
     """Fits of some sets that a fit holds, from where it is on a part of the data, and not to their ends."""
-    values = here.by_effect
-    return part.fit([(some, [values[effect] for effect in some]) for some in sets], here.starts, _ROUNDS, near=here)
+    return part.fit([here.part(some) for some in sets], here.starts, _ROUNDS, near=here)
 
 
 def _seen(shooting: Shooting, fit: Fit, gain: float) -> tuple[Shooting, Fit]:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 
 import numpy as np
 from numpy.typing import NDArray
@@ -59,6 +59,11 @@ class Fit:
     def by_effect(self) -> dict[Effect, Array]:
         """The parameters of each effect."""
         return dict(zip(self.effects, self.values, strict=True))
+
+    def part(self, effects: Iterable[Effect]) -> tuple[tuple[Effect, ...], tuple[Array, ...]]:
+        """Some of its effects, with their parameters."""
+        kept, known = tuple(effects), self.by_effect
+        return kept, tuple(known[effect] for effect in kept)
 
     @property
     def size(self) -> int:
