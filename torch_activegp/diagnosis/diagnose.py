@@ -15,7 +15,7 @@ from torch_activegp.diagnosis.findings.evidence import laws, map_region, map_tim
 from torch_activegp.diagnosis.findings.forecast import compare, without_model
 from torch_activegp.diagnosis.findings.late_controls import doubt_rows, doubt_signs
 from torch_activegp.diagnosis.findings.locate import entries, locate, somewhere
-from torch_activegp.diagnosis.findings.notes import forecast_notes, search_notes, unknown_notes
+from torch_activegp.diagnosis.findings.notes import outcome_notes, search_notes
 from torch_activegp.diagnosis.findings.proposal import propose
 from torch_activegp.diagnosis.findings.reconsider import reconsider
 from torch_activegp.diagnosis.findings.remainder import Outcome, misleads, model_remainder
@@ -199,8 +199,7 @@ def _report(
             *machine.notes,
             *late,
             *search_notes(explanation, machine.model, chosen.effects),
-            *(unknown_notes(explanation) if judgement.verdict == "unknown" else []),
-            *(forecast_notes(remains, holdout, shooting.segments) if named else []),
+            *outcome_notes(explanation, judgement.verdict, remains, holdout, machine.model),
             *_remainder_note(outcome),
             *numbers.notes,
             *open_notes,

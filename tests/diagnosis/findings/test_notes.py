@@ -2,10 +2,11 @@ from __future__ import annotations
 
 import dataclasses
 
+import mujoco
 import numpy as np
 import pytest
 
-from torch_activegp.diagnosis.findings.notes import forecast_notes, search_notes, unknown_notes
+from torch_activegp.diagnosis.findings.notes import forecast_notes, outcome_notes, search_notes, unknown_notes
 from torch_activegp.diagnosis.selection.compared import Selection
 from torch_activegp.diagnosis.selection.explain import Explanation
 from torch_activegp.diagnosis.shooting.score import Score
@@ -23,6 +24,10 @@ def test_nothing_is_said_of_a_search_as_it_should_be_and_all_that_is_not(bench) 
     assert own in numerics
     assert "by Runge-Kutta in steps of 0.005 s" in numerics
     assert "sticks firmly" in numerics
+    assert numerics.startswith("The model was integrated")
+    assert search_notes(found, bench.machine.model, (bench.effect("viscous_friction"),))[0].startswith(
+        "The effects were"
+    )
     assert "47% of the recordings" in part
     assert "15 million time steps" in end
     assert "on a part of the data" not in end
@@ -104,6 +109,19 @@ def test_after_unknown_it_is_said_where_to_look_and_where_nothing_comes_near_at_
 @pytest.mark.parametrize(("left", "ahead", "said"), [(1.1, 26.0, True), (1.1, 9.0, False), (2.5, 26.0, False)])
 def test_it_is_said_where_held_out_runs_are_forecast_far_worse_than_pieces_are_fitted(bench, left, ahead, said):
     holdout = {"one_step": {"after": 0.01 * ahead, "noise": 0.01}}
-    notes = forecast_notes(left, holdout, bench.segments)
+    notes = forecast_notes(left, holdout, bench.shooting, bench.machine.model)
     assert len(notes) == said
     assert not said or ("with 26 times the noise" in notes[0] and "1.1 times the noise (chi2 per dof)" in notes[0])
+    found = Explanation(bench.engine, bench.shooting, Selection(bench.nominal, [bench.nominal], None), (), fine=False)
+    assert outcome_notes(found, "none", left, holdout, bench.machine.model) == notes
+
+
+def test_what_no_recording_holds_makes_forecasts_by_one_step_say_little(bench) -> None:
+    two = (
+        "<mujoco><worldbody><body><joint name='hip'/><geom size='0.1'/><body><joint name='knee'/><geom size='0.1'/>"
+        "</body></body></worldbody></mujoco>"
+    )
+    holdout = {"one_step": {"after": 0.4, "noise": 0.01}}
+    (note,) = forecast_notes(1.0, holdout, bench.shooting, mujoco.MjModel.from_xml_string(two))
+    assert "positions of knee are not recorded" in note
+    assert "0.4 s of the others" in note

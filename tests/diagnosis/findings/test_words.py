@@ -176,3 +176,12 @@ def test_unknown_says_what_to_doubt() -> None:
 def test_a_gain_near_one_is_told_from_one(value: float, told: str) -> None:
     effect = NamedEffect("actuator_gain", "actuator:a", "law", 1.0, 1.0, {"gain": Estimate(value, "1", (0.9, 1.1))}, ())
     assert told in sentence("named", [effect], ERROR)
+
+
+@pytest.mark.parametrize(("before", "shown"), [(0.0095, False), (0.012, True)])
+def test_held_out_runs_that_show_nothing_neither_confirm_nor_deny(before: float, shown: bool) -> None:
+    """As where a stop is never reached in them."""
+    errors = {"free_run": {"before": before, "after": 0.0091, "noise": 0.009}, "one_step": STEP, "runs": CALM}
+    words = sentence("named", (named("stop", 1.0),), {**ERROR, "fit": {"holdout": errors}})
+    assert ("the held-out runs do not show it" in words) is not shown
+    assert ("falls from 0.012 to 0.0091" in words) is shown

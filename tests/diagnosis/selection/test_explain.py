@@ -342,6 +342,15 @@ def test_a_simulator_that_fails_where_the_machine_was_says_in_which_run(black) -
         diagnose(broken, [black.record("none", seed) for seed in (0, 1)], [black.record("none", 9)], nthread=1)
 
 
+def test_a_simulator_that_fails_on_recordings_in_doubt_says_what_is(bench) -> None:
+    failed = dataclasses.replace(bench.nominal, chi2=np.inf)
+    with pytest.raises(SimulationError, match="check that it can simulate them"):
+        module._refuse_failed(bench.segments, failed, bench.machine)
+    doubtful = dataclasses.replace(bench.machine, doubts=("ctrl.motor looks like percent.",))
+    with pytest.raises(SimulationError, match=r"Check the recordings first: ctrl.motor looks like percent\.$"):
+        module._refuse_failed(bench.segments, failed, doubtful)
+
+
 @pytest.mark.parametrize("vain", [True, False])
 def test_behind_a_search_in_vain_little_more_is_searched(bench, monkeypatch, vain: bool) -> None:
     for name in ("_ENOUGH", "FEWEST"):

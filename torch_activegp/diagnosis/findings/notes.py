@@ -9,12 +9,14 @@ import mujoco
 import numpy as np
 
 from torch_activegp.diagnosis.findings.doubts import MUCH_LEFT
-from torch_activegp.diagnosis.inputs.runs import median_step
+from torch_activegp.diagnosis.findings.forecast import SEEN
+from torch_activegp.diagnosis.inputs.runs import Channels, median_step
 from torch_activegp.diagnosis.inputs.segments import Segments
 from torch_activegp.diagnosis.selection.compared import Selection
 from torch_activegp.diagnosis.selection.explain import Explanation
 from torch_activegp.diagnosis.selection.process_left import by_positions
 from torch_activegp.diagnosis.selection.search import Depth
+from torch_activegp.diagnosis.shooting.likelihood import Shooting
 from torch_activegp.diagnosis.simulation.blackbox_engine import BlackBoxEngine
 from torch_activegp.physics.backlash import Backlash
 from torch_activegp.physics.effect import Effect
@@ -52,13 +54,30 @@ def search_notes(explanation: Explanation, model: mujoco.MjModel, corrected: Seq
         corrected: the effects that the correction holds, none where nothing is named.
     """
     return [
-        *_numerics_note(explanation, model),
+        *_numerics_note(explanation, model, bool(corrected)),
         *_part_note(explanation.shooting.segments),
         *_cut_short_note(explanation.selection),
         *_hidden_notes(corrected),
         *_process_notes(explanation, corrected),
         *_one_way_notes(explanation.effects),
     ]
+
+
+def outcome_notes(
+    explanation: Explanation, verdict: str, left: float, holdout: Mapping[str, Any], model: mujoco.MjModel
+) -> list[str]:
+    """Where to look after `unknown`, or what to doubt of the forecasts of any other verdict.
+
+    Args:
+        explanation: what was found, and how.
+        verdict: of it.
+        left: chi2 per degree of freedom.
+        holdout: the errors on held-out runs.
+        model: as it was given.
+    """
+    if verdict == "unknown":
+        return unknown_notes(explanation)
+    return forecast_notes(left, holdout, explanation.shooting, model)
 
 
 def unknown_notes(explanation: Explanation) -> list[str]:
@@ -72,26 +91,43 @@ def unknown_notes(explanation: Explanation) -> list[str]:
     return [all_of_it + _AFTER_UNKNOWN.format(slips=_SLIPS if far else "")]
 
 
-def forecast_notes(chi2_per_dof: float, holdout: Mapping[str, Any], segments: Segments) -> list[str]:
-    """What to doubt of names that leave noise, and much more in held-out runs.
+def forecast_notes(
+    chi2_per_dof: float, holdout: Mapping[str, Any], shooting: Shooting, model: mujoco.MjModel
+) -> list[str]:
+    """What to doubt where noise is left, and much more in held-out runs.
 
     On a leg that squats, in pieces of 0.12 s, a push and a friction of the knee left what a load of the trunk and a
-    damping did; held-out runs were forecast with 26 times the noise.
+    damping did; held-out runs were forecast with 26 times the noise. Without the recording of an exoskeleton's knee
+    nothing was missing in pieces of half a second, and forecasts were off by 39 times the noise.
 
     Args:
-        chi2_per_dof: what the names leave.
+        chi2_per_dof: what is left of the fitted runs.
         holdout: the errors on held-out runs.
-        segments: the pieces.
+        shooting: the likelihood.
+        model: as it was given.
     """
     step = holdout["one_step"]
     ratio = step["after"] / max(step["noise"], 1e-300)
     if chi2_per_dof > _QUIET or ratio < _FAR_OFF:
         return []
+    far = f"One step ahead held-out runs are forecast with {ratio:.2g} times the noise"
+    if hidden := _unrecorded(model, shooting.engine.channels):
+        return [
+            f"{far}: positions of {' and '.join(hidden)} are not recorded, and {SEEN:g} s of the others, which each "
+            "forecast begins from, hardly show them. Record them, or judge by the free runs."
+        ]
     return [
-        f"One step ahead held-out runs are forecast with {ratio:.2g} times the noise, though the names leave "
-        f"{chi2_per_dof:.2g} times the noise (chi2 per dof) in the pieces of {segments.usual_seconds:.2g} s that were "
-        "fitted. What such pieces hardly show may be missing, or a name may stand for another that does the same there."
+        f"{far}, though {chi2_per_dof:.2g} times the noise (chi2 per dof) is left in the pieces of "
+        f"{shooting.segments.usual_seconds:.2g} s that were fitted. What such pieces hardly show may be missing, or a "
+        "name may stand for another that does the same there."
     ]
+
+
+def _unrecorded(model: mujoco.MjModel, channels: Channels) -> list[str]:
+    """Names of the model's joints that no recording holds."""
+    given = channels.prescribed.joints if channels.prescribed is not None else ()
+    names = (model.joint(i).name or f"joint{i}" for i in range(model.njnt))
+    return [name for name in names if name not in (*channels.joints, *given)]
 
 
 def _cut_short_note(selection: Selection) -> list[str]:
@@ -155,7 +191,7 @@ def _part_note(segments: Segments) -> list[str]:
     ]
 
 
-def _numerics_note(explanation: Explanation, model: mujoco.MjModel) -> list[str]:
+def _numerics_note(explanation: Explanation, model: mujoco.MjModel, named: bool) -> list[str]:
     if not explanation.fine:
         return []
     engine = explanation.engine
@@ -168,22 +204,21 @@ def _numerics_note(explanation: Explanation, model: mujoco.MjModel) -> list[str]
         ]
     firmly = " and with dry friction in its joints that sticks firmly, where MuJoCo lets it creep" * explanation.firm
     return [
-        f"The effects were fitted with the model integrated {_how(explanation)}{firmly}: the recordings agree with "
-        f"that as well as with the model as it stands (by {_SCHEMES[int(model.opt.integrator)]} in steps of "
-        f"{model.opt.timestep:g} s), or better. That difference is one of numerics and is not named."
-        f"{_slower(explanation, model)}"
+        f"{'The effects were fitted with the model' if named else 'The model was'} integrated {_how(explanation)}"
+        f"{firmly}: the recordings agree with that as well as with the model as it stands (by "
+        f"{_SCHEMES[int(model.opt.integrator)]} in steps of {model.opt.timestep:g} s), or better. That difference is "
+        f"one of numerics and is not named. corrected.xml has these steps{_slower(explanation, model)}, and may be "
+        "given the model's own: `torch-activegp evaluate` tells what that costs."
     ]
 
 
 def _slower(explanation: Explanation, model: mujoco.MjModel) -> str:
-    """How many times as long a simulation takes so, in a sentence; nothing where that is little."""
+    """How many times as long a simulation takes so; nothing where that is little."""
     own, engine = int(model.opt.integrator), explanation.engine.without_leapfrog()
     evaluations = {int(mujoco.mjtIntegrator.mjINT_RK4): 4.0}
     here, before = (evaluations.get(which, 1.0) for which in (int(engine.model.opt.integrator), own))
     ratio = here / _step(explanation) / (before / model.opt.timestep)
-    if ratio < _SLOWER:
-        return ""
-    return f" It takes {ratio:.2g} times as long to simulate; corrected.xml has it, and may be given the model's own."
+    return "" if ratio < _SLOWER else f", takes {ratio:.2g} times as long to simulate"
 
 
 def _step(explanation: Explanation) -> float:

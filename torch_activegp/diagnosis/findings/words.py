@@ -15,6 +15,8 @@ _LOUD = 1.5
 """Chi2 per degree of freedom from which on noise is said to be louder than it looks."""
 _MENDS = 0.99
 """Part of an error that a learned force may leave to be said to mend it."""
+_SHOWN = 1.1
+"""Times the noise from which on a forecast shows that something is missing."""
 _MUCH_LEFT = 2.0
 """Chi2 per degree of freedom from which on the names are said not to be all."""
 
@@ -48,17 +50,22 @@ def sentence(
         ("has too much", [e for e in effects if e.too_much]),
     ]
     wrong = " and ".join(f"{verb} {_joined([_with_values(effect) for effect in some])}" for verb, some in parts if some)
-    kind, error = _measure(details)
-    before, after = (f"{error[key]:.3g}" for key in ("before", "after"))
-    moves = f"{'falls' if error['after'] <= error['before'] else 'rises'} from {before} to {after}"
-    they = "it" if len(effects) == 1 else "them"
-    better = f"with {they}, the {kind} error on held-out runs {moves if before != after else f'stays at {after}'}"
-    noise = f"(noise {error['noise']:.2g})"
-    text = f"The simulator {wrong}, explaining {share:.0%} of the mismatch; {better} {noise}"
+    text = f"The simulator {wrong}, explaining {share:.0%} of the mismatch; {_better(effects, details)}"
     if verdict == "tie":
         tied = [effect for effect in effects if effect.ties]
         text = f"{text}; the recordings cannot tell {_joined([_tied(effect, len(effects) > 1) for effect in tied])}"
     return f"{text}{_rest(details)}."
+
+
+def _better(effects: Sequence[NamedEffect], details: Mapping[str, Any]) -> str:
+    """What names do for the forecasts of held-out runs, or that these do not show them."""
+    kind, error = _measure(details)
+    before, after = (f"{error[key]:.3g}" for key in ("before", "after"))
+    moves = f"{'falls' if error['after'] <= error['before'] else 'rises'} from {before} to {after}"
+    they, noise = "it" if len(effects) == 1 else "them", f"(noise {error['noise']:.2g})"
+    if max(error["before"], error["after"]) < _SHOWN * error["noise"]:
+        return f"the held-out runs do not show {they}: with {they} and without, the {kind} error is the noise {noise}"
+    return f"with {they}, the {kind} error on held-out runs {moves if before != after else f'stays at {after}'} {noise}"
 
 
 def unforeseen(why: str, doubts: Sequence[str] = ()) -> str:

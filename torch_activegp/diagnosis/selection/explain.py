@@ -135,7 +135,7 @@ class _OnAllData:
         return (start, selection) if shaken is None else self._behind(start, selection, shaken)
 
     def _select(self, start: Start) -> Selection:
-        _refuse_failed(start.shooting.segments, start.nominal)
+        _refuse_failed(start.shooting.segments, start.nominal, self.machine)
         tried, tell = self.effects, self.tell
         return select(start.shooting, tried, start.nominal, start.sets, start.first, tell, start.free, start.depth)
 
@@ -162,7 +162,7 @@ def _start(
     hint = in_brief_pieces(machine, numerics, noise, effects, tell) if far else None
     sets, free = (hint.sets, hint.free) if hint is not None else ([], frozenset())
     naming = Naming(*numerics.choose(segments, noise, first, first, sets), sets, free)
-    _refuse_failed(naming.shooting.segments, naming.nominal)
+    _refuse_failed(naming.shooting.segments, naming.nominal, machine)
     if not sets and (other := noise_behind(naming.shooting, naming.judged, noise, last=True)) is not None:
         noise, long = other, longest(machine, numerics, other, _FAR)
         segments, first = long.segments, long.nominal
@@ -226,13 +226,15 @@ def _finish(
     return Explanation(engine, shooting, selection, tuple(effects), fine, firm)
 
 
-def _refuse_failed(segments: Segments, nominal: Fit) -> None:
+def _refuse_failed(segments: Segments, nominal: Fit, machine: Machine) -> None:
     """Raises a `SimulationError` where nothing can be compared: the simulation fails without effects."""
     if np.isfinite(nominal.chi2):
         return
     worst = int(np.argmax(nominal.per_segment))
     run, first = segments.runs[segments.run[worst]], segments.first[worst]
+    check = "Its forecasts begin at the recorded positions there: check that it can simulate them."
+    doubts = f"Check the recordings first: {machine.doubts[0]}" if machine.doubts else check
     raise SimulationError(
         f"diagnose: the simulator fails in {run.label} after {run.time[first]:.3g} s (its state is no number, or a "
-        "warning was raised). Its forecasts begin at the recorded positions there: check that it can simulate them."
+        f"warning was raised). {doubts}"
     )
