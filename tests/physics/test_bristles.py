@@ -171,6 +171,11 @@ def test_a_joint_that_never_turns_back_shows_no_bristles(bench: Any) -> None:
         assert not kind.fits(one_way, bench.model)
 
 
+def test_bristles_know_the_rows_of_the_recording(bench: Any) -> None:
+    slow = dataclasses.replace(bench.shoulder, dt=0.04)
+    assert [kind.at(slow, bench.model).row for kind in BRISTLED_FORMS] == [0.04, 0.04]
+
+
 @pytest.mark.parametrize(("kind", "_", "levels"), CASES, ids=names)
 def test_bristles_have_the_friction_that_the_model_has_already(bench: Any, kind: Any, _: Any, levels: Any) -> None:
     own = bench.xml.replace('<joint name="shoulder"', '<joint name="shoulder" frictionloss="0.1"')

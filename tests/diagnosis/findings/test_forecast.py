@@ -210,16 +210,16 @@ def astray(bench, truth, monkeypatch):
 
 def test_a_model_that_does_not_follow_a_run_begins_where_the_one_that_does_begins(astray) -> None:
     """In each run another one; and what is followed is not tried again."""
-    off, lent = astray(np.array([[0.0, 0.5], [0.5, 0.0]]))
+    off, lent = astray(np.array([[0.0, 3.0], [3.0, 0.0]]))
     assert (off < 1.3).all()
     assert lent == [(2, ["kept", "other"])]
-    off, lent = astray(np.array([[0.0, 0.5], [0.0, 0.0]]))
+    off, lent = astray(np.array([[0.0, 3.0], [0.0, 0.0]]))
     assert (off < 1.3).all()
     assert lent == [(1, ["other"])]
 
 
 def test_where_no_model_follows_none_lends_its_begin(astray) -> None:
-    off, lent = astray(np.array([[0.5, 0.0], [0.6, 0.0]]))
+    off, lent = astray(np.array([[3.0, 0.0], [2.9, 0.0]]))
     assert (off[:, 0] > 5.0).all()
     assert lent == []
 

@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 from torch_activegp.diagnosis.findings.refit import Refits, refit
+from torch_activegp.diagnosis.findings import stability as module
 from torch_activegp.diagnosis.findings.stability import _parts, is_refuted, stability
 from torch_activegp.diagnosis.inputs.machine import make_machine
 from torch_activegp.diagnosis.inputs.segments import cut
@@ -29,7 +30,11 @@ def found_for(bench, record):
     """What becomes of effects that were named on recordings of some kinds."""
 
     def make(
-        kinds: Sequence[str], names: Sequence[str] = ONE, verdict: str = "named", seconds: float = 2.0
+        kinds: Sequence[str],
+        names: Sequence[str] = ONE,
+        verdict: str = "named",
+        seconds: float = 2.0,
+        left: float = 1.0,
     ) -> Stability | None:
         recordings = [record(kind, seed, f"run{seed}", seconds) for seed, kind in enumerate(kinds)]
         machine = make_machine(mujoco.MjModel.from_xml_string(bench.xml), recordings, [record("none", 9, "kept")])
@@ -40,7 +45,7 @@ def found_for(bench, record):
         every = {effect.name: effect for effect in effects_for(machine.model, machine.channels, machine.fit)}
         effects = tuple(every[name] for name in names)
         fit = shooting.fit([(effects, tuple(e.seeds[0] for e in effects))], nominal.starts)[0]
-        selection = Selection(nominal, [nominal, fit], Score(shooting.samples, 60, 1.0))
+        selection = Selection(nominal, [nominal, fit], Score(shooting.samples, 60, left))
         some = (1.0,) * len(effects)
         judgement = Judgement(verdict, fit, effects, some, some, ((),) * len(effects), (), 0.0, True, 0.0, ())
         return stability(shooting, selection, judgement)
@@ -193,10 +198,18 @@ def test_what_refutes_an_effect(gains, gain: float, white: bool, refuted: bool) 
     [
         ((300.0,) * 10 + (-180.0, -50.0), True, True),
         ((300.0,) * 10 + (-180.0, -50.0), False, False),
-        ((300.0,) * 10 + (-180.0, -9.0), True, False),  # one of them is no more than chance
+        ((300.0,) * 7 + (-180.0, -9.0), True, False),  # one of them is no more than chance
         ((300.0,) * 12 + (-180.0, -50.0), True, False),
         ((300.0,) * 10 + (5.0, 9.0, None) + (-180.0, -50.0), True, True),  # where it does not act it is no better
     ],
 )
 def test_where_much_is_left_an_effect_must_be_told_by_recordings(gains, loud: bool, refuted: bool) -> None:
     assert is_refuted(gains, 1e4, white=False, loud=loud) is refuted
+
+
+@pytest.mark.parametrize("left", [3.0, 5.0])
+def test_much_is_left_from_four_times_the_noise_on(found_for, monkeypatch, left: float) -> None:
+    asked = []
+    monkeypatch.setattr(module, "is_refuted", lambda gains, gain, white, loud: asked.append(loud) or False)
+    found_for(["viscous"] * 3, left=left)
+    assert asked == [left > 4.0]

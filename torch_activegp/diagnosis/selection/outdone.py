@@ -60,7 +60,7 @@ def _is_refined_in_vain(fit: Fit, law: Effect, clear: Sequence[Fit], others: Seq
     if not beside:
         return False
     chi2 = min((other.chi2 for other in others if other.keys in simpler), default=np.inf)
-    return bool(fit.chi2 < chi2 < fit.chi2 + score.scale * score.cheapest)
+    return bool(chi2 < fit.chi2 + score.scale * score.cheapest)
 
 
 def _named(fit: Fit, score: Score) -> int:
