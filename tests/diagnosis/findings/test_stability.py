@@ -8,8 +8,8 @@ import mujoco
 import numpy as np
 import pytest
 
-from torch_activegp.diagnosis.findings.refit import Refits, refit
 from torch_activegp.diagnosis.findings import stability as module
+from torch_activegp.diagnosis.findings.refit import Refits, refit
 from torch_activegp.diagnosis.findings.stability import _parts, is_refuted, stability
 from torch_activegp.diagnosis.inputs.machine import make_machine
 from torch_activegp.diagnosis.inputs.segments import cut
