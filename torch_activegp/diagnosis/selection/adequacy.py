@@ -74,10 +74,20 @@ def most_left(
         (misfit > CLEAR, SEEN_CLEARLY),
         (misfit > LOUD, SEEN_LOUD),
         (cut_short and misfit > IN_VAIN, SEEN_IN_VAIN),
-        (misfit > DOUBLE and whole > MUCH, 0.0),
+        (leaves_much(misfit, whole), 0.0),
         (corrections >= CORRECTIONS and missing > A_LITTLE, SEEN_BEHIND_CORRECTIONS),
     )
     return min(share for holds, share in bars if holds)
+
+
+def leaves_much(misfit: float, whole: float) -> bool:
+    """Whether a set leaves so much, and so much of the mismatch, that it is no noise of any colour.
+
+    Args:
+        misfit: chi2 per degree of freedom that it leaves.
+        whole: part of the nominal's chi2 beyond the noise that it leaves.
+    """
+    return misfit > DOUBLE and whole > MUCH
 
 
 def is_crowded(missing: float, names: int, share: float) -> bool:

@@ -10,7 +10,7 @@ import numpy as np
 from scipy import stats
 
 from torch_activegp.diagnosis.preparation.noise_left import recoloured, rises
-from torch_activegp.diagnosis.selection.adequacy import INADEQUATE, MANY, is_crowded, most_left
+from torch_activegp.diagnosis.selection.adequacy import INADEQUATE, MANY, is_crowded, leaves_much, most_left
 from torch_activegp.diagnosis.selection.behind_noise import BEHIND_COLOUR, least_gain
 from torch_activegp.diagnosis.selection.compared import Selection, fitted
 from torch_activegp.diagnosis.selection.intervals import is_certain
@@ -113,8 +113,10 @@ def judge(shooting: Shooting, selection: Selection) -> Judgement:
     if not best.effects or gained < VERY_STRONG:
         return _nameless(shooting, nominal, before, rivals)
     after = omnibus(dataclasses.replace(shooting, noise=recoloured(shooting, best)), best)
-    unexplained = after.excess / max(after.excess + gain, 1e-300)
-    white = after.p_value > SURE
+    misfit, whole = best.chi2 / shooting.dof, (best.chi2 - shooting.dof) / max(nominal.chi2 - shooting.dof, 1e-300)
+    quick = misfit > 1.0 + least_visible(shooting) and leaves_much(misfit, whole)  # for a force in bins of 0.2 s to see
+    unexplained = max(after.excess / max(after.excess + gain, 1e-300), whole if quick else 0.0)
+    white = after.p_value > SURE and not quick
     within = told_apart_by(shooting, best)
     named, tuned = _split(shooting, selection, rivals, within)
     order, shares = _shares(shooting, selection, named, 1.0 - unexplained)
@@ -140,14 +142,13 @@ def judge(shooting: Shooting, selection: Selection) -> Judgement:
     ties = tuple(tuple(dict.fromkeys([*one, *more])) for one, more in zip(alike, wider, strict=True))
     sets = math.comb(max(score.names, len(best.effects)), len(best.effects))
     p_value = 2.0 * min(before.p_value, float(stats.chi2.sf(gain / score.scale, best.size)) * sets)
-    misfit, missing = best.chi2 / shooting.dof, after.excess / shooting.dof
+    missing = after.excess / shooting.dof
     crowded = is_crowded(missing, count, unexplained)
-    whole = (best.chi2 - shooting.dof) / max(nominal.chi2 - shooting.dof, 1e-300)
     seen = _visible(shooting, best, after)
     most = most_left(misfit, missing, count, len(tuned), seen, selection.cut_short, whole)
     verdict = "tie" if any(ties) else "named"
-    if after.p_value < DOUBT and (unexplained > most or crowded):
-        if (crowded and unexplained <= INADEQUATE) or _visible(shooting, nominal, before):
+    if (after.p_value < DOUBT or quick) and (unexplained > most or crowded):
+        if (crowded and unexplained <= INADEQUATE) or quick or _visible(shooting, nominal, before):
             verdict = "unknown"
         elif crowded or not plain or count >= MANY or (unexplained > LITTLE and not white):
             return _nameless(shooting, nominal, before, rivals)
