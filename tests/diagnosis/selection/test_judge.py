@@ -495,3 +495,12 @@ def test_what_is_too_quick_for_a_force_in_bins_is_left_all_the_same(bench, monke
     assert judged.verdict == verdict
     assert judged.white is (verdict == "named")
     assert judged.unexplained == pytest.approx((left - 1.0) / (was - 1.0) if verdict == "unknown" else 0.0)
+
+
+@pytest.mark.parametrize(("faintest", "verdict"), [(0.9, "named"), (1.1, "unknown")])
+def test_what_takes_hardly_any_of_the_noise_away_is_no_name(bench, monkeypatch, faintest, verdict) -> None:
+    found = selection(bench, bench.fit("viscous_friction", 0.05))
+    gained = (bench.nominal.chi2 - found.best.chi2) / bench.shooting.dof
+    monkeypatch.setattr(module, "FAINTEST", faintest * gained)
+    judged = judge(bench.shooting, found)
+    assert (judged.verdict, bool(judged.named)) == (verdict, verdict == "named")
