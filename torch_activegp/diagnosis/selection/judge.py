@@ -44,8 +44,8 @@ VERY_STRONG = 10.0
 (Kass & Raftery 1995, Bayes factors, section 3.2). Rounding to a coarse encoder's steps gained a cogging 2.5; right
 names gained 31 at least in 800 cases, but for a weak saturation with 12.7."""
 FAINTEST = 0.005
-"""Part of the noise that names take away at least: no encoder is known better. The loop of a resolver, which reads some of
-its acceleration, was a gap, or a gain of 1.0004, that took 0.0033; of 120 right sets none took less than 0.0097."""
+"""Part of the noise that names take away at least: no encoder is known better. The loop of a resolver, which reads some
+of its acceleration, was a gap, or a gain of 1.0004, that took 0.0033; of 120 right sets none took less than 0.0097."""
 NEEDED = 50.0
 """Chi2, in units of the noise that is left, that each of several names must take away. On 200 cases right ones took 75
 at least beside others; a cogging behind a stop 34, and so did a push, a spring and another gravity in its place, a
