@@ -185,3 +185,5 @@ def test_held_out_runs_that_show_nothing_neither_confirm_nor_deny(before: float,
     words = sentence("named", (named("stop", 1.0),), {**ERROR, "fit": {"holdout": errors}})
     assert ("the held-out runs do not show it" in words) is not shown
     assert ("falls from 0.012 to 0.0091" in words) is shown
+    worse = {**ERROR, "fit": {"holdout": {**errors, "free_run": {"before": before, "after": 0.03, "noise": 0.009}}}}
+    assert f"rises from {before} to 0.03" in sentence("named", (named("stop", 1.0),), worse)
