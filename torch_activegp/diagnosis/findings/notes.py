@@ -10,7 +10,8 @@ import numpy as np
 
 from torch_activegp.diagnosis.findings.doubts import MUCH_LEFT
 from torch_activegp.diagnosis.findings.forecast import SEEN
-from torch_activegp.diagnosis.inputs.runs import Channels, median_step
+from torch_activegp.diagnosis.inputs.machine import unrecorded
+from torch_activegp.diagnosis.inputs.runs import median_step
 from torch_activegp.diagnosis.inputs.segments import Segments
 from torch_activegp.diagnosis.selection.compared import Selection
 from torch_activegp.diagnosis.selection.explain import Explanation
@@ -111,7 +112,7 @@ def forecast_notes(
     if chi2_per_dof > _QUIET or ratio < _FAR_OFF:
         return []
     far = f"One step ahead held-out runs are forecast with {ratio:.2g} times the noise"
-    if hidden := _unrecorded(model, shooting.engine.channels):
+    if hidden := unrecorded(model, shooting.engine.channels):
         return [
             f"{far}: positions of {' and '.join(hidden)} are not recorded, and {SEEN:g} s of the others, which each "
             "forecast begins from, hardly show them. Record them, or judge by the free runs."
@@ -121,13 +122,6 @@ def forecast_notes(
         f"{shooting.segments.usual_seconds:.2g} s that were fitted. What such pieces hardly show may be missing, or a "
         "name may stand for another that does the same there."
     ]
-
-
-def _unrecorded(model: mujoco.MjModel, channels: Channels) -> list[str]:
-    """Names of the model's joints that no recording holds."""
-    given = channels.prescribed.joints if channels.prescribed is not None else ()
-    names = (model.joint(i).name or f"joint{i}" for i in range(model.njnt))
-    return [name for name in names if name not in (*channels.joints, *given)]
 
 
 def _cut_short_note(selection: Selection) -> list[str]:

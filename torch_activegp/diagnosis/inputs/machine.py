@@ -211,12 +211,17 @@ def _whose(names: Sequence[str], recordings: Sequence[Recording]) -> str:
     return ", ".join(names) if len(names) < len(recordings) or len(names) == 1 else "all recordings"
 
 
-def _unseen(model: mujoco.MjModel, channels: Channels) -> list[str]:
-    """A note on the hinges and slides whose positions no recording holds."""
+def unrecorded(model: mujoco.MjModel, channels: Channels) -> list[str]:
+    """The hinges and slides whose positions not all recordings hold."""
     known = {*channels.joints, *(channels.prescribed.joints if channels.prescribed is not None else ())}
     kinds = (int(mujoco.mjtJoint.mjJNT_HINGE), int(mujoco.mjtJoint.mjJNT_SLIDE))
     joints = [model.joint(i).name or f"joint{i}" for i in range(model.njnt) if model.jnt_type[i] in kinds]
-    missing = ", ".join(f"qpos.{joint}" for joint in joints if joint not in known)
+    return [joint for joint in joints if joint not in known]
+
+
+def _unseen(model: mujoco.MjModel, channels: Channels) -> list[str]:
+    """A note on the joints whose positions not all recordings hold."""
+    missing = ", ".join(f"qpos.{joint}" for joint in unrecorded(model, channels))
     what = "simulated, but compared with nothing: what acts on these joints is seen through the others alone"
     return [f"Not in all recordings: {missing}; {what}. Record them if you can."] if missing else []
 
