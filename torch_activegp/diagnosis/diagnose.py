@@ -170,7 +170,7 @@ def _report(
     if xml is not None:
         files["corrected.xml"] = xml
     late = _late(explanation, judgement, say)
-    doubts = [*late, *machine.doubts, *machine.lacks]
+    doubts = [*late, *machine.doubts, *machine.undriven, *machine.lacks]
     proposal = propose(explanation, judgement, machine.fit, seed, doubts)
     if proposal is not None:
         files["next.csv"] = proposal[1]

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from torch_activegp.diagnosis import diagnose
-from torch_activegp.diagnosis.findings.doubts import MUCH_LEFT, NO_SKILL, reservation, straight_lines
+from torch_activegp.diagnosis.findings.doubts import DOUBTED_LEFT, MUCH_LEFT, NO_SKILL, reservation, straight_lines
 
 DOUBT = ("Column `ctrl.drive`: ...",)
 
@@ -53,10 +53,14 @@ def test_names_as_those_of_real_drives_stand_and_those_of_a_command_in_degrees_d
 
 def test_names_that_leave_much_of_doubtful_recordings_are_not_given(record, model, quiet, bench) -> None:
     """A motor's controls that are recorded a hundred times too large: no name may stand for that."""
-    left = [dataclasses.replace(bench.nominal, chi2=times * quiet.dof) for times in (0.9 * MUCH_LEFT, 1.1 * MUCH_LEFT)]
-    assert [reservation(quiet, fit, DOUBT) is None for fit in left] == [True, False]
-    assert "leave 110 times the noise" in str(reservation(quiet, left[1], DOUBT))
-    assert reservation(quiet, left[1], ()) is None
+    assert DOUBTED_LEFT < MUCH_LEFT
+    for doubts, undriven, bar, why in (
+        (DOUBT, (), DOUBTED_LEFT, "leave 2.2 times the noise (chi2 per dof), and a column is in doubt"),
+        ((), DOUBT, MUCH_LEFT, "leave 110 times the noise (chi2 per dof), and no control is recorded"),
+    ):
+        left = [dataclasses.replace(bench.nominal, chi2=times * bar * quiet.dof) for times in (0.9, 1.1)]
+        assert [reservation(quiet, fit, doubts, undriven) for fit in left] == [None, why]
+        assert reservation(quiet, left[1], ()) is None
     runs = []
     for seed in range(4):
         run = record("none", seed)

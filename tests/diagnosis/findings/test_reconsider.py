@@ -75,11 +75,13 @@ def test_uncertain_parameters_excuse_free_runs_that_are_lost(bench, explanation,
 def test_names_that_leave_much_are_taken_back_where_a_column_is_in_doubt(bench, explanation, verdict) -> None:
     machine = dataclasses.replace(bench.machine, doubts=("ctrl.drive may be in mN m.",))
     named = verdict.judgement.fit
+    undriven = dataclasses.replace(bench.machine, undriven=("no control is recorded.",))
     loud = dataclasses.replace(named, chi2=200.0 * bench.shooting.dof)
-    assert reconsider(machine, explanation, verdict, named, held_out(FAR, NEAR), STARTS) is None
-    said = reconsider(machine, explanation, verdict, loud, held_out(FAR, NEAR), STARTS)
-    assert said is not None
-    assert "a column is in doubt" in said[1].notes[-1]
+    for some, why in ((machine, "a column is in doubt"), (undriven, "no control is recorded")):
+        assert reconsider(some, explanation, verdict, named, held_out(FAR, NEAR), STARTS) is None
+        said = reconsider(some, explanation, verdict, loud, held_out(FAR, NEAR), STARTS)
+        assert said is not None
+        assert why in said[1].notes[-1]
 
 
 @pytest.mark.parametrize(

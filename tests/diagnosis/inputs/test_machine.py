@@ -76,7 +76,7 @@ def test_a_control_among_others_that_is_missing_is_noted_and_doubted(bench, reco
     machine = make_machine(mujoco.MjModel.from_xml_string(twice), runs, [record(ctrl__second=np.zeros(201))])
     note = "a, b: no ctrl.second; taken as 0. If such a drive moved it, nothing can explain its motion so: record it."
     assert machine.notes == machine.lacks == (note,)
-    assert machine.doubts == ()  # nothing is taken back for a drive that may have rested
+    assert machine.doubts + machine.undriven == ()  # nothing is taken back for a drive that may have rested
 
 
 def test_a_joint_with_a_velocity_alone_is_noted(bench, record) -> None:
@@ -154,10 +154,10 @@ def test_what_is_true_of_all_is_noted_once(model, record) -> None:
     machine = make_machine(model, runs, runs[:1])
     (note,) = machine.notes
     assert note.startswith("all recordings: no control is recorded (ctrl.drive)")
-    assert [doubt[:37] for doubt in machine.doubts] == ["all recordings: no control is recorde"]
+    assert [doubt[:37] for doubt in machine.undriven] == ["all recordings: no control is recorde"]
     some = make_machine(model, [*runs[:2], record(name="d")], [record(name="e")])
     assert [note[:31] for note in some.notes] == ["a, b: no control is recorded (c"]
-    assert make_machine(model, [record()], [record()]).doubts == ()
+    assert make_machine(model, [record()], [record()]).undriven == ()
 
 
 def test_what_was_decided_about_a_file_is_noted_once(model, record, tmp_path) -> None:

@@ -14,6 +14,9 @@ from torch_activegp.diagnosis.shooting.likelihood import Shooting
 MUCH_LEFT = 100.0
 """Times the noise, in chi2 per degree of freedom, that names may leave where they are doubted: the best ones of a real
 pendulum left 20 of a noise of 0.02 mrad, wrong ones beside two controls in another unit 640000."""
+DOUBTED_LEFT = 2.0
+"""The same where a column is in doubt. A telescope's drive whose controls were a hundred times too large was an
+armature of 137 for 0.35 kg m2, which left 7.7; no right names were ever found beside such a doubt."""
 NO_SKILL = 0.05
 """Part of what straight lines leave from which on such names forecast little. The right ones of two real drives left
 0.0005 and 0.0012 of it. A motor that a speed loop turned against its cogging was lost by every simulator within a
@@ -21,7 +24,7 @@ hundredth of a second, and a dead zone over all its current left 0.9998; a gain 
 degrees left 0.18."""
 
 
-def reservation(shooting: Shooting, fit: Fit, doubts: Sequence[str]) -> str | None:
+def reservation(shooting: Shooting, fit: Fit, doubts: Sequence[str], undriven: Sequence[str] = ()) -> str | None:
     """What speaks against names that leave much, in words; None where nothing.
 
     Controls in another unit, a hundred times too large, were a payload of four times the arm and a sensor gain at its
@@ -31,15 +34,16 @@ def reservation(shooting: Shooting, fit: Fit, doubts: Sequence[str]) -> str | No
     Args:
         shooting: the likelihood.
         fit: the effects that are named.
-        doubts: of the recordings, in sentences.
+        doubts: of columns that may be in another unit or of another sign, in sentences.
+        undriven: that no control was recorded, in sentences.
     """
     shooting, fit = by_positions(shooting, fit)
     left = fit.chi2 / shooting.dof
-    if left < MUCH_LEFT:
+    if left < (DOUBTED_LEFT if doubts else MUCH_LEFT):
         return None
     leave = f"leave {left:.3g} times the noise (chi2 per dof)"
-    if doubts:
-        return f"{leave}, and a column is in doubt"
+    if doubts or undriven:
+        return f"{leave}, and {'a column is in doubt' if doubts else 'no control is recorded'}"
     lines = straight_lines(shooting)
     if fit.chi2 > NO_SKILL * lines:
         pieces = f"each {shooting.segments.usual_seconds:.2g} s of the recordings"

@@ -47,7 +47,8 @@ def reconsider(
             runs, engine = [machine.holdout[i] for i in calm], explanation.engine.without_leapfrog()
             return expected_error(engine, shooting, chosen, runs, np.asarray(starts)[calm])
 
-        why = reservation(shooting, chosen, machine.doubts) or refutation(foreseeable(holdout), expected)
+        why = reservation(shooting, chosen, machine.doubts, machine.undriven)
+        why = why or refutation(foreseeable(holdout), expected)
         if why is not None:
             return explanation, taken_back(verdict, why)
         return without_idle(explanation, chosen, machine.holdout)

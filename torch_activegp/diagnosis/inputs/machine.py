@@ -36,7 +36,8 @@ class Machine:
         fit: runs for fitting and selection.
         holdout: runs that are forecast, and choose no name.
         notes: what was decided about the recordings.
-        doubts: those of them by which all controls are missing, or a column may be in another unit or of another sign.
+        doubts: those of them by which a column may be in another unit or of another sign.
+        undriven: those by which all controls are missing.
         lacks: those by which some controls are missing, of drives that may have rested.
         box: the simulator that the model stands for, where that is not MuJoCo.
     """
@@ -48,6 +49,7 @@ class Machine:
     notes: tuple[str, ...]
     box: BlackBox | None = None
     doubts: tuple[str, ...] = ()
+    undriven: tuple[str, ...] = ()
     lacks: tuple[str, ...] = ()
 
 
@@ -94,7 +96,6 @@ def make_machine(
     (fit, kept), notes = lay_over(model, channels, (recordings, holdout), box)
     doubts = [] if box is not None else _doubts(model, channels, fit, kept)
     notes += doubts if box is None else box.notes()
-    doubts += undriven(model, recordings)
     lacks = partly_driven(model, recordings) if box is None else []
     if not kept:
         fit, kept, note = _set_aside(fit)
@@ -106,7 +107,15 @@ def make_machine(
             "in which every joint moves to and fro."
         )
     return Machine(
-        model, channels, tuple(fit), tuple(kept), tuple(dict.fromkeys(notes)), box, tuple(doubts), tuple(lacks)
+        model=model,
+        channels=channels,
+        fit=tuple(fit),
+        holdout=tuple(kept),
+        notes=tuple(dict.fromkeys(notes)),
+        box=box,
+        doubts=tuple(doubts),
+        undriven=tuple(undriven(model, recordings)),
+        lacks=tuple(lacks),
     )
 
 

@@ -233,7 +233,8 @@ def _refuse_failed(segments: Segments, nominal: Fit, machine: Machine) -> None:
     worst = int(np.argmax(nominal.per_segment))
     run, first = segments.runs[segments.run[worst]], segments.first[worst]
     check = "Its forecasts begin at the recorded positions there: check that it can simulate them."
-    doubts = f"Check the recordings first: {machine.doubts[0]}" if machine.doubts else check
+    doubted = (*machine.doubts, *machine.undriven)
+    doubts = f"Check the recordings first: {doubted[0]}" if doubted else check
     raise SimulationError(
         f"diagnose: the simulator fails in {run.label} after {run.time[first]:.3g} s (its state is no number, or a "
         f"warning was raised). {doubts}"
