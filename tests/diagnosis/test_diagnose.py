@@ -13,7 +13,7 @@ import pytest
 from torch_activegp.data import Recording
 from torch_activegp.data.balls import balls_model, load_balls
 from torch_activegp.diagnosis import diagnose, evaluate
-from torch_activegp.diagnosis.diagnose import _forecasts, _remainder, _remainder_note
+from torch_activegp.diagnosis.diagnose import _forecasts, _remainder
 from torch_activegp.diagnosis.findings.remainder import Outcome, model_remainder
 from torch_activegp.errors import ConfigurationError, DataError
 from torch_activegp.physics import Parameter, Place
@@ -112,7 +112,7 @@ def test_a_learned_force_that_misleads_on_held_out_runs_is_not_handed_out(bench,
     outcome, holdout, (trace, *_) = _forecasts(
         bench.machine, bench.shooting, bench.engine, bench.nominal, Outcome(effect, found.details)
     )
-    helps, said = factor == 1.0, _remainder_note(outcome)
+    helps, said = factor == 1.0, outcome.notes
     assert len(said) == (not helps)
     assert helps or "not those of the held-out runs (one step " in said[0]
     assert (outcome.effect is effect, outcome.details["used"]) == (helps, helps)

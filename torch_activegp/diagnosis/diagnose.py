@@ -16,6 +16,7 @@ from torch_activegp.diagnosis.findings.forecast import compare, without_model
 from torch_activegp.diagnosis.findings.late_controls import doubt_rows, doubt_signs
 from torch_activegp.diagnosis.findings.locate import entries, locate, somewhere
 from torch_activegp.diagnosis.findings.notes import outcome_notes, search_notes
+from torch_activegp.diagnosis.findings.numerics_note import numerics_notes
 from torch_activegp.diagnosis.findings.proposal import propose
 from torch_activegp.diagnosis.findings.reconsider import reconsider
 from torch_activegp.diagnosis.findings.remainder import Outcome, misleads, model_remainder
@@ -198,9 +199,10 @@ def _report(
         "notes": [
             *machine.notes,
             *late,
-            *search_notes(explanation, machine.model, chosen.effects),
+            *numerics_notes(explanation, machine, chosen, holdout),
+            *search_notes(explanation, chosen.effects),
             *outcome_notes(explanation, judgement.verdict, remains, holdout, machine.model),
-            *_remainder_note(outcome),
+            *([] if outcome is None else outcome.notes),
             *numbers.notes,
             *open_notes,
             *wild_notes,
@@ -282,18 +284,4 @@ def _held_note(named: Sequence[NamedEffect]) -> list[str]:
     return [
         f"MJCF cannot hold {' and '.join(beyond)} here: the whole corrected model is corrected.pt, for "
         "`load_corrected` and, without effects of your own, for `torch-activegp evaluate`."
-    ]
-
-
-def _remainder_note(outcome: Outcome | None) -> list[str]:
-    if outcome is None or outcome.effect is not None:
-        return []
-    force = "A Gaussian process of the force that is left, over positions, velocities and controls,"
-    if "withheld" not in outcome.details:
-        return [f"{force} did not improve forecasts on data kept from its training; it is not used."]
-    one, free = (outcome.details["withheld"][kind] for kind in ("one_step", "free_run"))
-    return [
-        f"{force} improved forecasts on data kept from its training, and not those of the held-out runs (one step "
-        f"{one['gp']:.3g} for {one['after']:.3g}, free run {free['gp']:.3g} for {free['after']:.3g}): they go where it "
-        "learned little. It is not used."
     ]

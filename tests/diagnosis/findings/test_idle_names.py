@@ -26,7 +26,7 @@ def loud(bench, monkeypatch):
         alone = [dataclasses.replace(single, values=(np.array([damping]),))] if compared else []
         selection = Selection(bench.nominal, [bench.nominal, *alone, both], Score(bench.shooting.samples, 60, 1.0))
         assert selection.best is both
-        return Explanation(bench.engine, bench.shooting, selection, bench.effects, fine=False), both
+        return Explanation(bench.engine, bench.shooting, selection, bench.effects, given=bench.engine), both
 
     return explained
 

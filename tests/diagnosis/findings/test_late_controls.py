@@ -30,7 +30,7 @@ def explained(clean, rows: int, driven: bool = True) -> Explanation:
     shooting = Shooting(clean.engine, segments, NoiseModel.white(np.array([noise])))
     nominal = shooting.fit([((), ())], clean.nominal.starts)[0]
     selection = Selection(nominal, [nominal], Score(shooting.samples, 60, 1.0))
-    return Explanation(clean.engine, shooting, selection, (), fine=False)
+    return Explanation(clean.engine, shooting, selection, (), given=clean.engine)
 
 
 @pytest.mark.parametrize(("rows", "driven", "said"), [(1, True, True), (0, True, False), (-1, True, False)])
@@ -79,7 +79,7 @@ def test_a_control_with_the_other_sign_is_told_though_a_friction_is_missing_too(
     nominal = shooting.fit([((), ())], clean.nominal.starts)[0]
     named = shooting.fit([((drag,), (np.array([0.01]),))], nominal.starts)[0]
     selection = Selection(nominal, [nominal, named], Score(shooting.samples, 60, 1.0))
-    found = doubt_signs(Explanation(clean.engine, shooting, selection, (wet, drag), fine=False))
+    found = doubt_signs(Explanation(clean.engine, shooting, selection, (wet, drag), given=clean.engine))
     assert bool(found) == said
     if said:
         assert "Column `ctrl.drive`: the sign seems to be the other way round" in found[0]

@@ -14,39 +14,19 @@ from torch_activegp.diagnosis.shooting.score import Score
 
 def test_nothing_is_said_of_a_search_as_it_should_be_and_all_that_is_not(bench) -> None:
     selection = Selection(bench.nominal, [bench.nominal], Score(bench.shooting.samples, 5, 1.0))
-    plain = Explanation(bench.engine, bench.shooting, selection, (), fine=False)
-    assert search_notes(plain, bench.machine.model, ()) == []
+    plain = Explanation(bench.engine, bench.shooting, selection, (), given=bench.engine)
+    assert search_notes(plain, ()) == []
     some = bench.shooting.pick(np.arange(0, bench.segments.size, 2))
     short = dataclasses.replace(selection, cut_short=True)
-    found = Explanation(bench.engine, some, short, (), fine=True, firm=True)
-    numerics, part, end = search_notes(found, bench.machine.model, ())
-    own = f"as it stands (by Runge-Kutta in steps of {bench.machine.model.opt.timestep:g} s)"
-    assert own in numerics
-    assert "by Runge-Kutta in steps of 0.005 s" in numerics
-    assert "sticks firmly" in numerics
-    assert numerics.startswith("The model was integrated")
-    assert search_notes(found, bench.machine.model, (bench.effect("viscous_friction"),))[0].startswith(
-        "The effects were"
-    )
+    found = Explanation(bench.engine, some, short, (), given=bench.engine)
+    part, end = search_notes(found, ())
     assert "47% of the recordings" in part
     assert "15 million time steps" in end
     assert "on a part of the data" not in end
     vain = dataclasses.replace(found, selection=dataclasses.replace(short, in_vain=True))
-    told = search_notes(vain, bench.machine.model, ())[-1]
+    told = search_notes(vain, ())[-1]
     assert "on a part of the data left much more than noise" in told
     assert "million" not in told
-
-
-@pytest.mark.parametrize(
-    ("integrator", "step", "words"), [("RK4", 0.005, ""), ("RK4", 0.02, "4 times"), ("Euler", 0.01, "8 times")]
-)
-def test_it_is_said_how_much_slower_other_numerics_are(bench, integrator: str, step: float, words: str) -> None:
-    """By evaluations: Runge-Kutta makes four in each time step."""
-    selection = Selection(bench.nominal, [bench.nominal], Score(bench.shooting.samples, 5, 1.0))
-    found = Explanation(bench.engine, bench.shooting, selection, (), fine=True)
-    note = search_notes(found, bench.integrated(integrator, step).model, ())[0]
-    assert ("as long to simulate" in note) is bool(words)
-    assert words in note
 
 
 def test_what_was_not_sought_on_a_joint_that_does_not_turn_back_is_told(bench) -> None:
@@ -54,8 +34,8 @@ def test_what_was_not_sought_on_a_joint_that_does_not_turn_back_is_told(bench) -
 
     def notes(*lacking: str) -> list[str]:
         effects = tuple(effect for effect in bench.effects if effect.name not in lacking)
-        found = Explanation(bench.engine, bench.shooting, selection, effects, False)
-        return search_notes(found, bench.machine.model, ())
+        found = Explanation(bench.engine, bench.shooting, selection, effects, given=bench.engine)
+        return search_notes(found, ())
 
     assert notes() == []
     (both,) = notes("hysteresis", "asymmetric_friction")
@@ -69,10 +49,10 @@ def test_an_encoder_that_turns_out_to_sit_on_the_motor_is_told(bench) -> None:
         play = next(effect for effect in bench.effects if (effect.name, effect.variant) == ("backlash", variant))
         fit = dataclasses.replace(bench.nominal, effects=(play,), values=(np.array([0.1]),), chi2=0.0)
         selection = Selection(bench.nominal, [bench.nominal, fit], Score(bench.shooting.samples, 5, 1.0))
-        found = Explanation(bench.engine, bench.shooting, selection, tuple(bench.effects), False)
-        notes = search_notes(found, bench.machine.model, fit.effects)
+        found = Explanation(bench.engine, bench.shooting, selection, tuple(bench.effects), given=bench.engine)
+        notes = search_notes(found, fit.effects)
         assert [note.startswith("joint:hip: the recordings agree with an encoder") for note in notes] == [True] * told
-        assert search_notes(found, bench.machine.model, ()) == []  # the best set, but nothing is named
+        assert search_notes(found, ()) == []  # the best set, but nothing is named
 
 
 @pytest.mark.parametrize("density", [0.0, 0.3])
@@ -83,8 +63,8 @@ def test_a_rest_that_counts_as_process_noise_is_told(bench, density: float, name
     noise = dataclasses.replace(bench.shooting.noise, process=np.array([density]))
     selection = Selection(bench.nominal, [bench.nominal, fit], Score(bench.shooting.samples, 5, 1.0))
     shooting = dataclasses.replace(bench.shooting, noise=noise)
-    found = Explanation(bench.engine, shooting, selection, tuple(bench.effects), False)
-    notes = search_notes(found, bench.machine.model, fit.effects if named else ())
+    found = Explanation(bench.engine, shooting, selection, tuple(bench.effects), given=bench.engine)
+    notes = search_notes(found, fit.effects if named else ())
     told = [note for note in notes if "process noise" in note]
     assert len(told) == (density > 0.0)
     left = (fit if named else bench.nominal).chi2 / bench.shooting.dof
@@ -99,7 +79,7 @@ def test_after_unknown_it_is_said_where_to_look_and_where_nothing_comes_near_at_
 ) -> None:
     best = dataclasses.replace(bench.nominal, chi2=left * bench.shooting.dof)
     selection = Selection(best, [best], Score(bench.shooting.samples, 5, 1.0))
-    (note,) = unknown_notes(Explanation(bench.engine, bench.shooting, selection, (), fine=False))
+    (note,) = unknown_notes(Explanation(bench.engine, bench.shooting, selection, (), given=bench.engine))
     assert "signs and units of each column" in note
     assert "rows_late" in note
     assert note.startswith("All that was tried leaves 101 times the noise") is far
@@ -112,7 +92,9 @@ def test_it_is_said_where_held_out_runs_are_forecast_far_worse_than_pieces_are_f
     notes = forecast_notes(left, holdout, bench.shooting, bench.machine.model)
     assert len(notes) == said
     assert not said or ("with 26 times the noise" in notes[0] and "1.1 times the noise (chi2 per dof)" in notes[0])
-    found = Explanation(bench.engine, bench.shooting, Selection(bench.nominal, [bench.nominal], None), (), fine=False)
+    found = Explanation(
+        bench.engine, bench.shooting, Selection(bench.nominal, [bench.nominal], None), (), given=bench.engine
+    )
     assert outcome_notes(found, "none", left, holdout, bench.machine.model) == notes
 
 

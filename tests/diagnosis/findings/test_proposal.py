@@ -34,7 +34,7 @@ def left_of(bench, fit) -> float:
 
 def proposed(bench, *fits, doubts=(), **changed):
     selection = Selection(bench.nominal, [bench.nominal, *fits], Score(bench.shooting.samples, 20, 1.0))
-    explanation = Explanation(bench.engine, bench.shooting, selection, bench.effects, fine=False)
+    explanation = Explanation(bench.engine, bench.shooting, selection, bench.effects, given=bench.engine)
     judgement = dataclasses.replace(judge(bench.shooting, selection), **changed)
     return propose(explanation, judgement, bench.machine.fit, 0, doubts)
 

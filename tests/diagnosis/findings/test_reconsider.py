@@ -28,7 +28,7 @@ def held_out(before: float, after: float) -> dict:
 def explanation(bench) -> Explanation:
     fits = [bench.nominal, bench.fit("viscous_friction", 0.05)]
     selection = Selection(bench.nominal, fits, Score(bench.shooting.samples, 60, 1.0))
-    return Explanation(bench.engine, bench.shooting, selection, bench.effects, fine=False)
+    return Explanation(bench.engine, bench.shooting, selection, bench.effects, given=bench.engine)
 
 
 @pytest.fixture

@@ -70,7 +70,7 @@ def test_where_noise_may_be_louder_than_its_floor_more_is_no_surprise(bench) -> 
 @pytest.fixture
 def explanation(clean) -> Explanation:
     selection = Selection(clean.nominal, [clean.nominal], Score(clean.shooting.samples, 60, 1.0))
-    return Explanation(clean.engine, clean.shooting, selection, clean.effects, fine=False)
+    return Explanation(clean.engine, clean.shooting, selection, clean.effects, given=clean.engine)
 
 
 def loud(clean) -> tuple[Run, ...]:

@@ -11,27 +11,17 @@ import numpy as np
 from torch_activegp.diagnosis.findings.doubts import MUCH_LEFT
 from torch_activegp.diagnosis.findings.forecast import SEEN
 from torch_activegp.diagnosis.inputs.machine import unrecorded
-from torch_activegp.diagnosis.inputs.runs import median_step
 from torch_activegp.diagnosis.inputs.segments import Segments
 from torch_activegp.diagnosis.selection.compared import Selection
 from torch_activegp.diagnosis.selection.explain import Explanation
 from torch_activegp.diagnosis.selection.process_left import by_positions
 from torch_activegp.diagnosis.selection.search import Depth
 from torch_activegp.diagnosis.shooting.likelihood import Shooting
-from torch_activegp.diagnosis.simulation.blackbox_engine import BlackBoxEngine
 from torch_activegp.physics.backlash import Backlash
 from torch_activegp.physics.effect import Effect
 
-_SCHEMES = {
-    int(mujoco.mjtIntegrator.mjINT_EULER): "semi-implicit Euler",
-    int(mujoco.mjtIntegrator.mjINT_RK4): "Runge-Kutta",
-    int(mujoco.mjtIntegrator.mjINT_IMPLICIT): "implicit Euler",
-    int(mujoco.mjtIntegrator.mjINT_IMPLICITFAST): "implicit Euler (implicitfast)",
-}
 _MOST = 0.75
 """Share of the recordings below which it is said: ends of runs and first rows of segments never count."""
-_SLOWER = 1.5
-"""Times as long from which on it is said."""
 _TO_AND_FRO = {"hysteresis": "hysteresis", "asymmetric_friction": "friction that differs between the directions"}
 _AFTER_UNKNOWN = (
     "Where to look now, in this order: signs and units of each column{slips}; rows that hold the command that led to "
@@ -46,16 +36,14 @@ _WORK_ENDED = f"when it had computed {Depth().work / 1e6:g} million time steps"
 _IN_VAIN = "because all that could be found on a part of the data left much more than noise"
 
 
-def search_notes(explanation: Explanation, model: mujoco.MjModel, corrected: Sequence[Effect]) -> list[str]:
-    """What to know of the numerics, of the part of the data that was used, and of a search that was cut short.
+def search_notes(explanation: Explanation, corrected: Sequence[Effect]) -> list[str]:
+    """What to know of the part of the data that was used, of a search that was cut short, and of what was not sought.
 
     Args:
         explanation: what was found, and how.
-        model: as it was given, with its own integrator.
         corrected: the effects that the correction holds, none where nothing is named.
     """
     return [
-        *_numerics_note(explanation, model, bool(corrected)),
         *_part_note(explanation.shooting.segments),
         *_cut_short_note(explanation.selection),
         *_hidden_notes(corrected),
@@ -183,45 +171,3 @@ def _part_note(segments: Segments) -> list[str]:
         f"The effects were fitted to {100 * share:.0f}% of the recordings, evenly spread: simulating them all takes "
         "long, and these tell enough. Intervals hold for this part."
     ]
-
-
-def _numerics_note(explanation: Explanation, model: mujoco.MjModel, named: bool) -> list[str]:
-    if not explanation.fine:
-        return []
-    engine = explanation.engine
-    if isinstance(engine, BlackBoxEngine):
-        return [
-            f"The effects were fitted with the controls of {engine.box.name} half a time step later, as they should "
-            "come where it integrates by semi-implicit Euler: the recordings agree with that as well or better. That "
-            "difference is discretisation and is not named. Forecasts and the corrected simulator keep the controls "
-            "as they are."
-        ]
-    firmly = " and with dry friction in its joints that sticks firmly, where MuJoCo lets it creep" * explanation.firm
-    return [
-        f"{'The effects were fitted with the model' if named else 'The model was'} integrated {_how(explanation)}"
-        f"{firmly}: the recordings agree with that as well as with the model as it stands (by "
-        f"{_SCHEMES[int(model.opt.integrator)]} in steps of {model.opt.timestep:g} s), or better. That difference is "
-        f"one of numerics and is not named. corrected.xml has these steps{_slower(explanation, model)}, and may be "
-        "given the model's own: `torch-activegp evaluate` tells what that costs."
-    ]
-
-
-def _slower(explanation: Explanation, model: mujoco.MjModel) -> str:
-    """How many times as long a simulation takes so; nothing where that is little."""
-    own, engine = int(model.opt.integrator), explanation.engine.without_leapfrog()
-    evaluations = {int(mujoco.mjtIntegrator.mjINT_RK4): 4.0}
-    here, before = (evaluations.get(which, 1.0) for which in (int(engine.model.opt.integrator), own))
-    ratio = here / _step(explanation) / (before / model.opt.timestep)
-    return "" if ratio < _SLOWER else f", takes {ratio:.2g} times as long to simulate"
-
-
-def _step(explanation: Explanation) -> float:
-    """The time step that goes into the corrected model, s."""
-    return median_step(explanation.shooting.segments.runs) / explanation.engine.without_leapfrog().substeps
-
-
-def _how(explanation: Explanation) -> str:
-    """Integrator and time step, as they go into the corrected model."""
-    engine, step = explanation.engine.without_leapfrog(), _step(explanation)
-    explicitly = ", damping taken explicitly," * engine.explicit
-    return f"by {_SCHEMES[int(engine.model.opt.integrator)]}{explicitly} in steps of {step:.3g} s"

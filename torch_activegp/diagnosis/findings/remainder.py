@@ -55,6 +55,21 @@ class Outcome:
         errors = {kind: {name: holdout[kind][name] for name in ("after", "gp")} for kind in _KINDS}
         return Outcome(None, self.details | {"used": False, "withheld": errors})
 
+    @property
+    def notes(self) -> list[str]:
+        """Why the force is not used, where it is not, in a sentence."""
+        if self.effect is not None:
+            return []
+        force = "A Gaussian process of the force that is left, over positions, velocities and controls,"
+        if "withheld" not in self.details:
+            return [f"{force} did not improve forecasts on data kept from its training; it is not used."]
+        one, free = (self.details["withheld"][kind] for kind in _KINDS)
+        return [
+            f"{force} improved forecasts on data kept from its training, and not those of the held-out runs (one step "
+            f"{one['gp']:.3g} for {one['after']:.3g}, free run {free['gp']:.3g} for {free['after']:.3g}): they go "
+            "where it learned little. It is not used."
+        ]
+
 
 def model_remainder(shooting: Shooting, fit: Fit, names: Sequence[str]) -> Outcome:
     """Models the force that a fit leaves unexplained.

@@ -57,7 +57,7 @@ class Explanation:
         shooting: the likelihood in the end.
         selection: the sets.
         effects: all that was tried.
-        fine: whether the model was integrated in another way than it says.
+        given: the simulation as the model says.
         firm: whether the dry friction of its own joints stuck firmly.
     """
 
@@ -65,8 +65,13 @@ class Explanation:
     shooting: Shooting
     selection: Selection
     effects: tuple[Effect, ...]
-    fine: bool
+    given: Engine
     firm: bool = False
+
+    @property
+    def fine(self) -> bool:
+        """Whether the model was integrated in another way than it says."""
+        return self.engine is not self.given
 
 
 def explain(
@@ -222,8 +227,7 @@ def _finish(
         shooting = by_their_own_errors(shooting, engine, selection)
         selection = with_one_law(shooting, selection, effects)
         selection.of_a_step = of_a_step(numerics, engine, shooting, selection)  # of what came first in the end
-    fine, firm = engine is not numerics.given, numerics.sticks(engine)
-    return Explanation(engine, shooting, selection, tuple(effects), fine, firm)
+    return Explanation(engine, shooting, selection, tuple(effects), numerics.given, numerics.sticks(engine))
 
 
 def _refuse_failed(segments: Segments, nominal: Fit, machine: Machine) -> None:
