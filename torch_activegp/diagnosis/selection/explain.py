@@ -21,6 +21,7 @@ from torch_activegp.diagnosis.selection.compared import Selection
 from torch_activegp.diagnosis.selection.corrections import correct_alike
 from torch_activegp.diagnosis.selection.finer_steps import nameless_in_finer_steps, of_a_step, without_a_step
 from torch_activegp.diagnosis.selection.first_names import Naming, besides, in_brief_pieces, is_of, leaders, on_a_part
+from torch_activegp.diagnosis.selection.held_forces import of_held_forces
 from torch_activegp.diagnosis.selection.one_law import with_one_law
 from torch_activegp.diagnosis.selection.own_errors import by_their_own_errors
 from torch_activegp.diagnosis.selection.polish import polish
@@ -226,7 +227,8 @@ def _finish(
         polish(shooting, selection, effects)
         shooting = by_their_own_errors(shooting, engine, selection)
         selection = with_one_law(shooting, selection, effects)
-        selection.of_a_step = of_a_step(numerics, engine, shooting, selection)  # of what came first in the end
+        held = of_held_forces(numerics, engine, shooting, selection)
+        selection.of_a_step = held | of_a_step(numerics, engine, shooting, selection)  # of what came first in the end
     return Explanation(engine, shooting, selection, tuple(effects), numerics.given, numerics.sticks(engine))
 
 
