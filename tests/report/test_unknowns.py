@@ -49,7 +49,7 @@ def test_what_need_not_be_recorded_is_not_asked_for(fakes: Any) -> None:
     diagnosis["next_experiment"] = {**diagnosis["next_experiment"], "needed": False}
     section = unknowns(diagnosis, evidence)
     assert section.heading == "What these recordings cannot tell"
-    assert section.content["next"]["heading"] == "If you record more"
+    assert section.content["next"]["heading"] == "The next recording"
 
 
 def test_the_next_recording_tells_parameters_by_their_own_names(fakes: Any) -> None:

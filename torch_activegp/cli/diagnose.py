@@ -199,8 +199,7 @@ def _show(found: Values) -> None:
     following = found.get("next_experiment")
     if following:
         controls = f" Controls: {following['controls']}." if following.get("controls") else ""
-        lead = "Next recording" if following.get("needed", True) else "If you record more"
-        _say(f"{lead}: {following.get('why') or ''}{controls}")
+        _say(f"Next recording: {following.get('why') or ''}{controls}")
 
 
 def _show_effects(found: Values) -> None:

@@ -74,7 +74,7 @@ def _next(following: Values | None) -> dict[str, Any] | None:
     if not following:
         return None
     return {
-        "heading": "Record this next" if following.get("needed", True) else "If you record more",
+        "heading": "Record this next" if following.get("needed", True) else "The next recording",
         "why": capital(str(following.get("why") or "")),
         "separates": listed((_told(words) for words in following.get("separates") or []), "from"),
         "controls": following.get("controls") or "",

@@ -15,6 +15,8 @@ from torch_activegp.diagnosis.selection.explain import Explanation
 from torch_activegp.diagnosis.selection.judge import judge
 from torch_activegp.diagnosis.shooting.score import Score
 
+NUISANCES = [("viscous_friction", "joint:hip"), ("armature_error", "joint:hip"), ("payload_mass", "body:rod")]
+
 
 @pytest.fixture(scope="module")
 def wet(bench):
@@ -154,6 +156,19 @@ def test_a_number_that_has_no_name_is_told_by_its_effect(bench) -> None:
     assert told in telling.sentence(again(bench))
     where = "cogging at joint:hip at"
     assert telling.separates == [f"{where} one end of its intervals", f"{where} the other end of its intervals"]
+
+
+def test_what_is_fitted_along_and_not_named_is_neither_told_apart_nor_measured(bench) -> None:
+    drag, rotor, load = (bench.effect(name, at) for name, at in NUISANCES)
+    values = (np.array([0.06]), np.array([1e-3]))
+    best, other = (bench.shooting.fit([((drag, e), values)], bench.nominal.starts)[0] for e in (rotor, load))
+    apart, _ = proposed(bench, best, other, named=(drag, rotor), retuned=())
+    assert sorted(apart["separates"]) == ["armature_error", "payload_mass"]
+    measured, _ = proposed(bench, best, other, named=(drag,), retuned=(rotor,))
+    assert measured["separates"][0].startswith("coefficient of viscous_friction")
+    errors = np.diag([1e-6, 1.0])
+    assert "armature" in least_certain(bench.shooting, best, errors)[1].separates[0]
+    assert "coefficient" in least_certain(bench.shooting, best, errors, named=(drag,))[1].separates[0]
 
 
 def test_other_parameters_follow_the_least_certain_one(bench, wet) -> None:

@@ -18,6 +18,7 @@ from torch_activegp.diagnosis.selection.judge import Judgement
 from torch_activegp.diagnosis.selection.ties import is_as_late, is_one_way
 from torch_activegp.diagnosis.shooting.fit import Fit, bounds, split
 from torch_activegp.diagnosis.shooting.likelihood import Shooting
+from torch_activegp.physics.effect import Effect
 
 _RIVALS = 3
 _OPEN = 20.0
@@ -39,7 +40,7 @@ def propose(
     """Controls for the machine that tell most, as :func:`next_experiment` has them.
 
     Where something is named and no rival is left, two models are told apart that have the least certain parameter of
-    the best set at either end of its interval.
+    the names at either end of its interval. Sets that differ in what is fitted along and not named are no rivals.
 
     Args:
         explanation: the sets.
@@ -58,6 +59,8 @@ def propose(
     best = judgement.rivals[0][0]
     far = _OPEN if certain else _FAR_BEHIND
     others = [fit for fit, distance, _ in judgement.rivals[1 : _RIVALS + 1] if distance < far]
+    if judgement.retuned:
+        others = [fit for fit in others if not _has_its_names(fit, judgement)]
     one_way = is_one_way(shooting)
     for rival in (fit for fit in others if not (one_way and is_as_late(best, fit))):
         found = next_experiment(engine, [best, rival], runs, shooting.noise, seed, shooting.differences)
@@ -69,15 +72,26 @@ def propose(
     forms = any(open_forms(selection, fit, effect) for effect in judgement.named)
     open_ones = bool(others) or any(judgement.ties) or forms
     before = _UNTOLD if open_ones else _SETTLED
-    ends = least_certain(shooting, fit, covariance(shooting, fit, widened=True), before, judgement.white)
+    errors = covariance(shooting, fit, widened=True)
+    ends = least_certain(shooting, fit, errors, before, judgement.white, judgement.named)
     if ends is None:
         return None
     fits, telling = ends
     return next_experiment(engine, fits, runs, shooting.noise, seed, shooting.differences, telling)
 
 
+def _has_its_names(fit: Fit, judgement: Judgement) -> bool:
+    """Whether a set has all that is named, and no more effects than the best one."""
+    return {effect.key for effect in judgement.named} <= fit.keys and len(fit.effects) <= len(judgement.fit.effects)
+
+
 def least_certain(
-    shooting: Shooting, fit: Fit, covariance: Array, before: str = _SETTLED, white: bool = True
+    shooting: Shooting,
+    fit: Fit,
+    covariance: Array,
+    before: str = _SETTLED,
+    white: bool = True,
+    named: Sequence[Effect] | None = None,
 ) -> tuple[list[Fit], Telling] | None:
     """A fit with its least certain parameter at either end of its interval, the others following.
 
@@ -87,19 +101,23 @@ def least_certain(
         covariance: of its parameters, ``(P, P)``.
         before: what is said first, of the rivals.
         white: whether what is left is noise; else something is missing yet, and nobody says that the data are enough.
+        named: effects whose parameters count; None for all.
 
     Returns:
         Two fits, and what telling them apart tells; None where no parameter is known at all.
     """
     flat, error = np.concatenate([np.zeros(0), *fit.values]), np.sqrt(np.maximum(np.diag(covariance), 0.0))
     relative = np.where((error > 0.0) & (flat != 0.0), error / np.abs(np.where(flat != 0.0, flat, 1.0)), 0.0)
+    parameters = [(effect, parameter) for effect in fit.effects for parameter in effect.parameters]
+    if named is not None:
+        relative *= [effect in named for effect, _ in parameters]
     if not relative.any():
         return None
     place = int(np.argmax(relative))
     moved = _ENDS * covariance[:, place] / error[place]
     low, high = bounds(fit.effects)
     ends = [np.clip(flat + side * moved, low, high) for side in (-1.0, 1.0)]
-    effect, parameter = [(e, p) for e in fit.effects for p in e.parameters][place]
+    effect, parameter = parameters[place]
     known = parameter.name in effect.describe(fit.by_effect[effect])  # the sine of a cogging is no name for its users
     where = f"{effect.name} at {effect.target}"
     what = f"{parameter.name} of {where}"
