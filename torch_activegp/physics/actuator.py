@@ -10,6 +10,7 @@ import mujoco
 import numpy as np
 
 from torch_activegp.physics.effect import Effect, Parameter, element
+from torch_activegp.physics.naming import joint_name
 from torch_activegp.physics.place import Place
 
 
@@ -54,7 +55,7 @@ class ActuatorEffect(Effect):
             index=place.index,
             nominal_gain=float(model.actuator_gainprm[actuator, 0]),
             nominal=(float(model.actuator_biasprm[actuator, 0]), int(model.actuator_dyntype[actuator])),
-            drives=f"joint:{model.joint(joint).name or f'joint{joint}'}" if direct else "",
+            drives=f"joint:{joint_name(model, joint)}" if direct else "",
             gear=float(model.actuator_gear[actuator, 0]),
             linear=linear,
         )

@@ -12,6 +12,7 @@ import numpy as np
 from torch_activegp.physics.body import AXES, BodyEffect
 from torch_activegp.physics.effect import Array, Effect, Index, Parameter
 from torch_activegp.physics.joint import JointEffect, driven
+from torch_activegp.physics.naming import joint_name
 from torch_activegp.physics.place import Place
 from torch_activegp.physics.rotor import add_rotor
 
@@ -141,7 +142,7 @@ def pulls_of_gravity(model: mujoco.MjModel) -> dict[str, Array]:
         body = int(model.jnt_bodyid[joint])
         before = [other for other in range(joint + 1) if _carries(model, int(model.jnt_bodyid[other]), body)]
         if slides[before].all():
-            name = model.joint(joint).name or f"joint{joint}"
+            name = joint_name(model, joint)
             out[f"joint:{name}"] = mass[body] * data.xaxis[joint]
     return out
 

@@ -12,6 +12,7 @@ import numpy as np
 from torch_activegp.physics.actuation import ActuatorSaturation
 from torch_activegp.physics.actuator import fed_by
 from torch_activegp.physics.effect import Array, Effect, Index, Parameter, element
+from torch_activegp.physics.naming import joint_name
 from torch_activegp.physics.place import Place
 
 _JOINTS = (int(mujoco.mjtTrn.mjTRN_JOINT), int(mujoco.mjtTrn.mjTRN_JOINTINPARENT))  # the same for a hinge or a slide
@@ -71,7 +72,7 @@ class ServoLaw:
             gain,
             (float(bias[0]), float(bias[1]), float(bias[2])),
             (float(low), float(high)),
-            model.joint(joint).name or f"joint{joint}",
+            joint_name(model, joint),
             "N m" if int(model.jnt_type[joint]) == _ONE_WAY[0] else "N",
         )
 

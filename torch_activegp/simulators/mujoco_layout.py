@@ -8,6 +8,7 @@ from collections.abc import Iterator, Mapping, Sequence
 import mujoco
 
 from torch_activegp.errors import ConfigurationError
+from torch_activegp.physics.naming import actuator_name, joint_name
 from torch_activegp.simulators.space import ActionSpace, StateSpace
 
 Bounds = Mapping[str, tuple[float, float]]
@@ -54,7 +55,7 @@ def state_space(model: mujoco.MjModel, angles: Sequence[str] | None = None, boun
     quaternions: list[int] = []
     for joint in range(model.njnt):
         kind, address = _JOINT(model.jnt_type[joint]), int(model.jnt_qposadr[joint])
-        names += [f"qpos.{_joint_name(model, joint)}{suffix}" for suffix in _POSITION_SUFFIX[kind]]
+        names += [f"qpos.{joint_name(model, joint)}{suffix}" for suffix in _POSITION_SUFFIX[kind]]
         if kind in (_JOINT.mjJNT_FREE, _JOINT.mjJNT_BALL):
             free = kind == _JOINT.mjJNT_FREE
             limits += [_INFINITE] * (3 * free) + [(-1.0, 1.0)] * 4
@@ -98,30 +99,22 @@ def action_space(model: mujoco.MjModel, external_force: bool = False, bounds: Bo
     return ActionSpace(names, low, high)
 
 
-def _joint_name(model: mujoco.MjModel, joint: int) -> str:
-    return model.joint(joint).name or f"joint{joint}"
-
-
-def _actuator_name(model: mujoco.MjModel, actuator: int) -> str:
-    return model.actuator(actuator).name or f"actuator{actuator}"
-
-
 def _velocity_names(model: mujoco.MjModel) -> list[str]:
     return [
-        _joint_name(model, joint) + suffix
+        joint_name(model, joint) + suffix
         for joint in range(model.njnt)
         for suffix in _VELOCITY_SUFFIX[_JOINT(model.jnt_type[joint])]
     ]
 
 
 def _inputs(model: mujoco.MjModel, actuator: int) -> list[str]:
-    return _numbered(_actuator_name(model, actuator), int(model.actuator_ctrlnum[actuator]))
+    return _numbered(actuator_name(model, actuator), int(model.actuator_ctrlnum[actuator]))
 
 
 def _activations(model: mujoco.MjModel) -> Iterator[tuple[str, tuple[float, float]]]:
     for actuator in range(model.nactuator):
         limit = _range(model.actuator_actlimited[actuator], model.actuator_actrange[actuator])
-        for name in _numbered(_actuator_name(model, actuator), int(model.actuator_actnum[actuator])):
+        for name in _numbered(actuator_name(model, actuator), int(model.actuator_actnum[actuator])):
             yield f"act.{name}", limit
 
 
@@ -150,7 +143,7 @@ def _chosen_angles(model: mujoco.MjModel, angles: Sequence[str] | None) -> list[
     hinges = [joint for joint in range(model.njnt) if model.jnt_type[joint] == _JOINT.mjJNT_HINGE]
     if angles is None:
         return [joint for joint in hinges if not model.jnt_limited[joint] and not _counts_turns(model, joint)]
-    by_name = {_joint_name(model, joint): joint for joint in hinges}
+    by_name = {joint_name(model, joint): joint for joint in hinges}
     unknown = [name for name in angles if name not in by_name]
     if unknown:
         raise ConfigurationError(f"angles: found no hinge joint {unknown}; the hinge joints are {list(by_name)}.")

@@ -19,6 +19,7 @@ from torch_activegp.diagnosis.inputs.wrong_controls import doubt_controls
 from torch_activegp.diagnosis.inputs.wrong_signs import check_signs
 from torch_activegp.diagnosis.inputs.wrong_units import check_units
 from torch_activegp.errors import ConfigurationError, DataError
+from torch_activegp.physics.naming import joint_name
 
 _SHARE = 0.2
 _MOVES = 1e-9
@@ -224,7 +225,7 @@ def unrecorded(model: mujoco.MjModel, channels: Channels) -> list[str]:
     """The hinges and slides whose positions not all recordings hold."""
     known = {*channels.joints, *(channels.prescribed.joints if channels.prescribed is not None else ())}
     kinds = (int(mujoco.mjtJoint.mjJNT_HINGE), int(mujoco.mjtJoint.mjJNT_SLIDE))
-    joints = [model.joint(i).name or f"joint{i}" for i in range(model.njnt) if model.jnt_type[i] in kinds]
+    joints = [joint_name(model, i) for i in range(model.njnt) if model.jnt_type[i] in kinds]
     return [joint for joint in joints if joint not in known]
 
 

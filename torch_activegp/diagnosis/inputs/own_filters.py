@@ -17,6 +17,7 @@ import numpy as np
 from torch_activegp.diagnosis.inputs.runs import Array, Run
 from torch_activegp.errors import ConfigurationError
 from torch_activegp.physics.actuation import ActuatorLag, follow
+from torch_activegp.physics.naming import actuator_name
 from torch_activegp.physics.place import Place
 
 _FIRST_ORDER = (int(mujoco.mjtDyn.mjDYN_FILTER), int(mujoco.mjtDyn.mjDYN_FILTEREXACT))
@@ -81,7 +82,7 @@ def own_filters(model: mujoco.MjModel) -> tuple[OwnFilter, ...]:
     for i in range(model.nactuator):
         simple = model.actuator_actadr[i] >= 0 and model.actuator_actnum[i] == 1 and not model.actuator_actlimited[i]
         if simple and model.actuator_dyntype[i] in _FIRST_ORDER and model.actuator_ctrlnum[i] == 1:
-            place = Place(f"actuator:{model.actuator(i).name or f'actuator{i}'}", int(model.actuator_ctrladr[i]))
+            place = Place(f"actuator:{actuator_name(model, i)}", int(model.actuator_ctrladr[i]))
             exact = model.actuator_dyntype[i] == mujoco.mjtDyn.mjDYN_FILTEREXACT
             constant, address = float(model.actuator_dynprm[i, 0]), int(model.actuator_actadr[i])
             stages = model.opt.integrator == mujoco.mjtIntegrator.mjINT_RK4
@@ -102,7 +103,7 @@ def check_drives(model: mujoco.MjModel, runs: Sequence[Run]) -> None:
         used = any(run.control[:, model.actuator_ctrladr[i] + inputs].any() for run in runs)
         if used and int(i) not in known and kind != mujoco.mjtDyn.mjDYN_DCMOTOR:
             raise ConfigurationError(
-                f"actuator `{model.actuator(i).name or f'actuator{i}'}`: a drive without a state, a filter of first "
+                f"actuator `{actuator_name(model, i)}`: a drive without a state, a filter of first "
                 f"order without limits, or a dcmotor wanted, found `{kind.name.removeprefix('mjDYN_').lower()}`: no "
                 f"recording holds its state. {_INTEGRATED if kind == mujoco.mjtDyn.mjDYN_INTEGRATOR else _MOTOR}"
             )

@@ -16,6 +16,7 @@ from torch_activegp.diagnosis.inputs.glitches import bridged, glitches, in_words
 from torch_activegp.diagnosis.inputs.smoothing import follow, smooth
 from torch_activegp.diagnosis.inputs.steep_filter import SteepFilter
 from torch_activegp.errors import DataError
+from torch_activegp.physics.naming import actuator_name, joint_name
 
 Array = NDArray[np.float64]
 Smoother = Callable[[Array, Array, float], tuple[Array, Array]]
@@ -53,7 +54,7 @@ class Channels:
             DataError: a recorded joint or actuator is not in the model, no joint is in all recordings, or they do not
                 prescribe the same joints, or prescribe all.
         """
-        names = {model.joint(i).name or f"joint{i}": i for i in range(model.njnt)}
+        names = {joint_name(model, i): i for i in range(model.njnt)}
         for recording in recordings:
             _check_columns(recording, model, names)
         prescribed = _prescribed(recordings)
@@ -72,7 +73,7 @@ class Channels:
     @classmethod
     def _at(cls, model: mujoco.MjModel, ids: list[int]) -> Channels:
         return cls(
-            tuple(model.joint(i).name or f"joint{i}" for i in ids),
+            tuple(joint_name(model, i) for i in ids),
             model.jnt_qposadr[ids].astype(np.int64),
             model.jnt_dofadr[ids].astype(np.int64),
             model.jnt_type[ids] == int(mujoco.mjtJoint.mjJNT_HINGE),
@@ -228,12 +229,12 @@ def median_step(runs: Sequence[Run]) -> float:
 def input_addresses(model: mujoco.MjModel) -> dict[str, int]:
     """The first control of every actuator that has one."""
     fed = np.flatnonzero(model.actuator_ctrlnum > 0)
-    return {model.actuator(i).name or f"actuator{i}": int(model.actuator_ctrladr[i]) for i in fed}
+    return {actuator_name(model, i): int(model.actuator_ctrladr[i]) for i in fed}
 
 
 def _dof(model: mujoco.MjModel, label: str, column: str) -> int:
     """The degree of freedom that a column of external forces acts on."""
-    names = [model.joint(i).name or f"joint{i}" for i in range(model.njnt)]
+    names = [joint_name(model, i) for i in range(model.njnt)]
     name = column.partition(".")[2]
     if name not in names or int(model.jnt_type[names.index(name)]) not in _SCALAR:
         raise DataError(

@@ -13,6 +13,7 @@ from torch_activegp.diagnosis.simulation.prescribed_motion import only_on
 from torch_activegp.diagnosis.simulation.touching import now_and_then, poses_that_touch
 from torch_activegp.physics import Effect, Place, catalogue
 from torch_activegp.physics.body import BodyEffect
+from torch_activegp.physics.naming import actuator_name
 from torch_activegp.physics.servo import ServoLaw
 
 _BACK = 0.02
@@ -129,7 +130,7 @@ def _actuators(model: mujoco.MjModel, channels: Channels, runs: Sequence[Run]) -
         first = int(model.actuator_ctrladr[i])
         signal: Array = control[:, first]
         if np.ptp(signal) > 0:
-            name = model.actuator(i).name or f"actuator{i}"
+            name = actuator_name(model, i)
             most = float(np.abs(signal).max())
             force = _servo_force(model, channels, runs, int(i))
             places.append(Place(f"actuator:{name}", first, control=most, dt=median_step(runs), servo_force=force))
