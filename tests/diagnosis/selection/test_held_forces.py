@@ -18,6 +18,7 @@ from torch_activegp.diagnosis.simulation.places import effects_for
 from torch_activegp.physics.effect import Step
 
 STEP, DRAG, NOISE = 0.01, 0.4, 2e-5
+NAMES = ("viscous_friction", "armature_error")
 INERTIA, WEIGHT = 0.08 + 0.5**2 + 0.05, 9.81 * 0.5
 
 
@@ -36,29 +37,36 @@ def recorded(run, implicit: bool, rotor: float):
     return dataclasses.replace(run, position=noisy, smooth=noisy, velocity=np.gradient(noisy, STEP, axis=0))
 
 
-@pytest.fixture(scope="module", params=[(False, 0.0), (True, 0.0), (True, DRAG * STEP), (False, 0.02)])
-def found(request, clean):
-    """How the truth was made, the names that other steps do without, and the set that was found."""
+def explained(clean, how, *more: str):
+    """The names that other steps do without, the set that was found with some more names, and the rotor's."""
     machine = clean.integrated("Euler", STEP, 'armature="0.05"')
-    runs = tuple(recorded(run, *request.param) for run in machine.fit)
+    runs = tuple(recorded(run, *how) for run in machine.fit)
     numerics = numerics_of(dataclasses.replace(machine, fit=runs), 1)
     segments = cut(runs, 0.5, 0.0)
     shooting = Shooting(numerics.given, segments, NoiseModel.white(np.array([NOISE])))
     nominal = shooting.fit([((), ())], numerics.given.starts(segments))[0]
     tried = effects_for(machine.model, machine.channels, runs)
-    drag, rotor = (next(e for e in tried if e.name == name) for name in ("viscous_friction", "armature_error"))
-    sets = [((drag,), (np.array([DRAG]),)), ((drag, rotor), (np.array([DRAG]), np.array([-1e-3])))]
-    fits = shooting.fit(sets, nominal.starts)
+    drag, rotor, *others = (next(e for e in tried if e.name == name) for name in (*NAMES, *more))
+    sets = [((drag,), (np.array([DRAG]),))] * (not more)
+    values = (np.array([DRAG]), np.array([-1e-3]), *(e.seeds[0] for e in others))
+    fits = shooting.fit([*sets, ((drag, rotor, *others), values)], nominal.starts)
     selection = Selection(nominal, [nominal, *fits], Score(shooting.samples, 60, 1.0))
-    return request.param, of_held_forces(numerics, numerics.given, shooting, selection), selection.best, rotor
+    return of_held_forces(numerics, numerics.given, shooting, selection), selection.best, rotor
 
 
-def test_an_inertia_is_a_step_where_the_truth_took_its_friction_a_step_early_alone(found) -> None:
-    how, meant, best, rotor = found
+@pytest.mark.parametrize("how", [(False, 0.0), (True, 0.0), (True, DRAG * STEP), (False, 0.02)])
+def test_an_inertia_is_a_step_where_the_truth_took_its_friction_a_step_early_alone(clean, how) -> None:
+    meant, best, rotor = explained(clean, how)
     assert len(best.effects) == (1 if how == (True, 0.0) else 2)
     assert meant == (frozenset({rotor}) if how == (False, 0.0) else frozenset())
     if how == (False, 0.0):
         assert best.by_effect[rotor][0] == pytest.approx(-DRAG * STEP, rel=0.05)
+
+
+def test_what_does_not_pay_beside_a_held_force_goes_too(clean) -> None:
+    meant, best, _ = explained(clean, (False, 0.0), "quadratic_drag")
+    assert [effect.name for effect in best.effects] == [*NAMES, "quadratic_drag"]
+    assert meant == frozenset(best.effects[1:])
 
 
 def test_what_sticks_or_remembers_is_not_held(clean) -> None:
