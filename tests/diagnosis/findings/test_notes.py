@@ -73,6 +73,20 @@ def test_a_rest_that_counts_as_process_noise_is_told(bench, density: float, name
         assert float(note.split(" leaves ")[1].split()[0]) == pytest.approx(left, rel=0.02)
 
 
+def test_what_may_be_a_time_step_is_told(bench) -> None:
+    fit = bench.shooting.fit(
+        [((bench.effect("viscous_friction"), bench.effect("armature_error")), (np.array([0.05]), np.array([1e-3])))],
+        bench.nominal.starts,
+    )[0]
+    selection = Selection(bench.nominal, [bench.nominal, fit], Score(bench.shooting.samples, 5, 1.0))
+    found = Explanation(bench.engine, bench.shooting, selection, tuple(bench.effects), given=bench.engine)
+    assert search_notes(found, fit.effects) == []
+    selection.of_a_step = frozenset(fit.effects[1:])
+    (note,) = search_notes(found, fit.effects)
+    assert note.startswith("armature_error at joint:hip: fitted along and not named")
+    assert search_notes(found, ()) == []
+
+
 @pytest.mark.parametrize(("left", "far"), [(99.0, False), (101.0, True)])
 def test_after_unknown_it_is_said_where_to_look_and_where_nothing_comes_near_at_units_first(
     bench, left: float, far: bool

@@ -11,6 +11,7 @@ from torch_activegp.diagnosis.preparation.given_numerics import numerics_of
 from torch_activegp.diagnosis.selection.compared import Selection
 from torch_activegp.diagnosis.selection.explain import Explanation
 from torch_activegp.diagnosis.shooting.score import Score
+from torch_activegp.diagnosis.simulation.candidate import NOMINAL
 
 
 def note_of(bench, given=None, step=0.01, fit=None, firm=False, **said) -> list[str]:
@@ -20,7 +21,7 @@ def note_of(bench, given=None, step=0.01, fit=None, firm=False, **said) -> list[
     selection = Selection(bench.nominal, [bench.nominal], Score(bench.shooting.samples, 5, 1.0))
     found = Explanation(bench.engine, bench.shooting, selection, (), given, firm)
     chosen = fit or bench.nominal
-    models = {"after": (bench.engine, chosen.candidate)}
+    models = {"before": (bench.engine, NOMINAL), "after": (bench.engine, chosen.candidate)}
     holdout, _ = compare(models, machine.holdout, machine.channels.joints, bench.shooting.noise)
     for entry in holdout["runs"]:
         entry |= said
@@ -31,27 +32,52 @@ def test_nothing_is_said_where_the_model_was_integrated_as_it_says(bench) -> Non
     assert note_of(bench, given=bench.engine) == []
 
 
-def test_it_is_said_how_a_model_was_integrated_and_what_its_own_steps_do(clean) -> None:
-    (note,) = note_of(clean)
-    assert note.startswith("The model was integrated by Runge-Kutta in steps of 0.005 s: the recordings agree with")
+def figures(note: str) -> dict[str, tuple[float, float]]:
+    """Errors in the model's own steps and in those that were taken, and the noise twice."""
+    said = {}
+    for kind, words in module._KINDS.items():
+        if f" {words} (for " in note:
+            before, after = note.split(f" {words} (for ")
+            said[kind] = float(before.split()[-1]), float(after.split()[0])
+    return said | {"noise": (float(note.split("noise is ")[1].rstrip(".")),) * 2}
+
+
+@pytest.mark.parametrize("named", [False, True])
+def test_it_is_said_how_a_model_was_integrated_and_what_its_own_steps_do(bench, clean, named: bool) -> None:
+    """Of the corrected model."""
+    which = bench if named else clean
+    fit = bench.fit("viscous_friction", 0.05) if named else clean.nominal
+    (note,) = note_of(which, fit=fit)
+    assert "integrated by Runge-Kutta in steps of 0.005 s: the recordings agree with" in note
     assert "as it stands (by semi-implicit Euler in steps of 0.01 s)" in note
-    text = note.split("In the model's own steps the errors on held-out runs are ")[1]
-    one, free = (float(text.split(f" {words} (for ")[0].split()[-1]) for words in module._KINDS.values())
-    near, far = (float(text.split(f" {words} (for ")[1].split(")")[0]) for words in module._KINDS.values())
-    assert one > 1.05 * near or free > 1.05 * far
-    machine = clean.integrated("Euler", 0.01)
-    noise = clean.shooting.noise
-    expected, _ = compare(
-        {"own": (numerics_of(machine, 1).given, clean.nominal.candidate)}, machine.holdout, ("hip",), noise
+    machine, noise = which.integrated("Euler", 0.01), which.shooting.noise
+    engines = numerics_of(machine, 1).given, which.engine
+    one, other = (
+        compare({"before": (engine, NOMINAL), "own": (engine, fit.candidate)}, machine.holdout, ("hip",), noise)[0]
+        for engine in engines
     )
-    assert (one, free) == pytest.approx((expected["one_step"]["own"], expected["free_run"]["own"]), rel=0.01)
+    said = figures(note)
+    for kind in module._KINDS:
+        assert said[kind] == pytest.approx((one[kind]["own"], other[kind]["own"]), rel=0.01)
+    assert said["noise"][0] == pytest.approx(one["one_step"]["noise"], rel=0.05)
 
 
 def test_it_is_said_where_the_models_own_steps_do_as_well(clean) -> None:
     alike = numerics_of(clean.machine, 1).given
     assert alike is not clean.engine
     (note,) = note_of(clean, given=alike)
-    assert note.endswith("In the model's own steps held-out runs are forecast as well.")
+    assert note.endswith("In the model's own steps held-out runs are forecast no worse.")
+
+
+@pytest.mark.parametrize("kind", list(module._KINDS))
+def test_both_errors_must_be_no_worse(clean, monkeypatch, kind: str) -> None:
+    def worse(models, runs, joints, noise):
+        errors, traces = compare(models, runs, joints, noise)
+        return errors | {kind: {name: 1.1 * error for name, error in errors[kind].items()}}, traces
+
+    monkeypatch.setattr(module, "compare", worse)
+    (note,) = note_of(clean, given=numerics_of(clean.machine, 1).given)
+    assert "the errors on held-out runs" in note
 
 
 def test_free_runs_that_nobody_can_forecast_say_nothing_of_the_steps(clean) -> None:
@@ -63,7 +89,8 @@ def test_free_runs_that_nobody_can_forecast_say_nothing_of_the_steps(clean) -> N
 def test_a_model_that_fails_in_its_own_steps_is_told(clean, monkeypatch) -> None:
     def failing(models, runs, joints, noise):
         errors, traces = compare(models, runs, joints, noise)
-        return errors | {"free_run": {"after": FAILED}}, traces
+        failed = {"free_run": {"after": FAILED}, "one_step": {"after": 0.1}}
+        return errors | {"runs": [*errors["runs"], failed]}, traces
 
     monkeypatch.setattr(module, "compare", failing)
     (note,) = note_of(clean)

@@ -166,6 +166,13 @@ def test_what_is_fitted_along_and_not_named_is_neither_told_apart_nor_measured(b
     assert sorted(apart["separates"]) == ["armature_error", "payload_mass"]
     measured, _ = proposed(bench, best, other, named=(drag,), retuned=(rotor,))
     assert measured["separates"][0].startswith("coefficient of viscous_friction")
+    quite = bench.shooting.fit([((drag, bench.effect("quadratic_drag")), (values[0], np.array([0.01])))], best.starts)[
+        0
+    ]
+    swaps = tuple((other, 0.1 * k, 0.2) for k in range(1, 4))
+    changed = {"fit": best, "rivals": ((best, 0.0, 0.3), *swaps, (quite, 6.0, 0.1))}
+    later, _ = proposed(bench, best, other, named=(drag,), retuned=(rotor,), **changed)
+    assert sorted(later["separates"]) == ["armature_error", "quadratic_drag"]
     errors = np.diag([1e-6, 1.0])
     assert "armature" in least_certain(bench.shooting, best, errors)[1].separates[0]
     assert "coefficient" in least_certain(bench.shooting, best, errors, named=(drag,))[1].separates[0]

@@ -46,7 +46,8 @@ def test_the_sets_are_compared_by_their_own_errors_in_the_end(bench, monkeypatch
     assert found.selection is selection
 
 
-def test_what_may_be_half_a_step_is_asked_of_what_comes_first_in_the_end(bench, monkeypatch) -> None:
+@pytest.mark.parametrize("rule", ["of_a_step", "of_held_forces"])
+def test_what_may_be_of_a_step_is_asked_of_what_comes_first_in_the_end(bench, monkeypatch, rule: str) -> None:
     """A lag that stood for it became a delay that does the same, and was named."""
     asked: list = []
 
@@ -54,7 +55,7 @@ def test_what_may_be_half_a_step_is_asked_of_what_comes_first_in_the_end(bench, 
         asked.append((engine, shooting, selection, selection.best))
         return frozenset(selection.best.effects)
 
-    monkeypatch.setattr(module, "of_a_step", ask)
+    monkeypatch.setattr(module, rule, ask)
     found = explain(bench.machine, some(bench)[:1], 1)
     ((engine, shooting, selection, best),) = asked
     assert (engine, shooting, selection) == (found.engine, found.shooting, found.selection)

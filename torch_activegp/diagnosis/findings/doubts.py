@@ -15,8 +15,9 @@ MUCH_LEFT = 100.0
 """Times the noise, in chi2 per degree of freedom, that names may leave where they are doubted: the best ones of a real
 pendulum left 20 of a noise of 0.02 mrad, wrong ones beside two controls in another unit 640000."""
 DOUBTED_LEFT = 2.0
-"""The same where a column is in doubt. A telescope's drive whose controls were a hundred times too large was an
-armature of 137 for 0.35 kg m2, which left 7.7; no right names were ever found beside such a doubt."""
+"""Times the noise from which on names are doubted where a column is. A telescope's drive whose controls were a hundred
+times too large was an armature of 137 for 0.35 kg m2, which left 7.7; no other of 600 diagnoses had names beside such a
+doubt."""
 NO_SKILL = 0.05
 """Part of what straight lines leave from which on such names forecast little. The right ones of two real drives left
 0.0005 and 0.0012 of it. A motor that a speed loop turned against its cogging was lost by every simulator within a

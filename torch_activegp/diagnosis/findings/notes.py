@@ -48,6 +48,7 @@ def search_notes(explanation: Explanation, corrected: Sequence[Effect]) -> list[
         *_cut_short_note(explanation.selection),
         *_hidden_notes(corrected),
         *_process_notes(explanation, corrected),
+        *_step_notes(explanation.selection, corrected),
         *_one_way_notes(explanation.effects),
     ]
 
@@ -147,6 +148,18 @@ def _process_notes(explanation: Explanation, corrected: Sequence[Effect]) -> lis
         f"{fit.chi2 / alone.dof:.3g} times the noise (chi2 per dof) in pieces of {alone.segments.usual_seconds:.2g} s."
         for joint, unit, density in zip(channels.joints, channels.units, shooting.noise.process, strict=True)
         if density > 0.0
+    ]
+
+
+def _step_notes(selection: Selection, corrected: Sequence[Effect]) -> list[str]:
+    """What is fitted along and not named, for it may be a matter of time steps."""
+    steps = [f"{effect.name} at {effect.target}" for effect in corrected if effect in selection.of_a_step]
+    if not steps:
+        return []
+    return [
+        f"{' and '.join(steps)}: fitted along and not named, as small as an error of the time step. With forces "
+        "computed at another instant of each step the recordings agree as well without. If they are of a machine, and "
+        "not of a simulator, it may be there."
     ]
 
 

@@ -8,11 +8,13 @@ from typing import Any
 import mujoco
 
 from torch_activegp.diagnosis.findings.forecast import FAILED, compare
+from torch_activegp.diagnosis.findings.unseen import foreseeable
 from torch_activegp.diagnosis.inputs.machine import Machine
 from torch_activegp.diagnosis.inputs.runs import Run, median_step
 from torch_activegp.diagnosis.selection.explain import Explanation
 from torch_activegp.diagnosis.shooting.fit import Fit
 from torch_activegp.diagnosis.simulation.blackbox_engine import BlackBoxEngine
+from torch_activegp.diagnosis.simulation.candidate import NOMINAL
 
 _SCHEMES = {
     int(mujoco.mjtIntegrator.mjINT_EULER): "semi-implicit Euler",
@@ -57,18 +59,25 @@ def numerics_notes(explanation: Explanation, machine: Machine, chosen: Fit, hold
 
 
 def _in_own_steps(explanation: Explanation, chosen: Fit, runs: Sequence[Run], holdout: Mapping[str, Any]) -> str:
-    """How well the corrected model forecasts in the model's own steps, in a sentence."""
-    given, key = explanation.given, "after"
-    own, _ = compare({key: (given, chosen.candidate)}, runs, given.channels.joints, explanation.shooting.noise)
-    steady = all(entry.get("predictable", True) for entry in holdout["runs"])
+    """How well the corrected model forecasts in the model's own steps, in a sentence.
+
+    The model without effects is simulated beside it, as for the other errors, for the two lend each other initial
+    states.
+    """
+    given, noise, key = explanation.given, explanation.shooting.noise, "after"
+    models = {"before": (given, NOMINAL), key: (given, chosen.candidate if chosen.effects else NOMINAL)}
+    own, _ = compare(models, runs, given.channels.joints, noise)
+    steady = len(foreseeable(holdout)) == len(holdout["runs"])
     kinds = [kind for kind in _KINDS if steady or kind == "one_step"]
-    if any(own[kind][key] >= FAILED for kind in kinds):
+    if any(entry[kind][key] >= FAILED for entry in own["runs"] for kind in kinds):
         return "In the model's own steps the simulation of held-out runs fails."
     if all(own[kind][key] <= _AS_WELL * holdout[kind][key] for kind in kinds):
-        return "In the model's own steps held-out runs are forecast as well."
-    said = (f"{own[kind][key]:.3g} {_KINDS[kind]} (for {holdout[kind][key]:.3g})" for kind in kinds)
-    noise = holdout["one_step"]["noise"]
-    return f"In the model's own steps the errors on held-out runs are {' and '.join(said)}; noise is {noise:.2g}."
+        return "In the model's own steps held-out runs are forecast no worse."
+    said = (f"{own[kind][key]:.3g} {_KINDS[kind]} (for {holdout[kind][key]:.3g} in these)" for kind in kinds)
+    return (
+        f"In the model's own steps the errors on held-out runs, in standard deviations of what was measured, are "
+        f"{' and '.join(said)}; noise is {holdout['one_step']['noise']:.2g}."
+    )
 
 
 def _slower(explanation: Explanation, model: mujoco.MjModel) -> str:

@@ -15,7 +15,7 @@ from torch_activegp.diagnosis.inputs.runs import Array, Run
 from torch_activegp.diagnosis.selection.explain import Explanation
 from torch_activegp.diagnosis.selection.intervals import covariance
 from torch_activegp.diagnosis.selection.judge import Judgement
-from torch_activegp.diagnosis.selection.ties import is_as_late, is_one_way
+from torch_activegp.diagnosis.selection.ties import is_as_late, is_one_way, swapped, unnamed
 from torch_activegp.diagnosis.shooting.fit import Fit, bounds, split
 from torch_activegp.diagnosis.shooting.likelihood import Shooting
 from torch_activegp.physics.effect import Effect
@@ -58,9 +58,9 @@ def propose(
     certain = judgement.verdict in ("named", "tie")
     best = judgement.rivals[0][0]
     far = _OPEN if certain else _FAR_BEHIND
-    others = [fit for fit, distance, _ in judgement.rivals[1 : _RIVALS + 1] if distance < far]
-    if judgement.retuned:
-        others = [fit for fit in others if not _has_its_names(fit, judgement)]
+    same = _beside(judgement, explanation.selection.tunable)
+    rivals = [(fit, distance) for fit, distance, _ in judgement.rivals[1:] if not _says_the_same(fit, judgement, same)]
+    others = [fit for fit, distance in rivals[:_RIVALS] if distance < far]
     one_way = is_one_way(shooting)
     for rival in (fit for fit in others if not (one_way and is_as_late(best, fit))):
         found = next_experiment(engine, [best, rival], runs, shooting.noise, seed, shooting.differences)
@@ -80,9 +80,19 @@ def propose(
     return next_experiment(engine, fits, runs, shooting.noise, seed, shooting.differences, telling)
 
 
-def _has_its_names(fit: Fit, judgement: Judgement) -> bool:
-    """Whether a set has all that is named, and no more effects than the best one."""
-    return {effect.key for effect in judgement.named} <= fit.keys and len(fit.effects) <= len(judgement.fit.effects)
+def _beside(judgement: Judgement, tunable: Sequence[Effect]) -> frozenset[tuple[str, str]]:
+    """What sets may have beside the names and say the same: what is fitted along, and what stands for that as well."""
+    retuned, best = judgement.retuned, judgement.fit
+    for_them = [key for effect in retuned for key in swapped(judgement.rivals, best, effect)]
+    named = {effect.key for effect in judgement.named}
+    return (unnamed(retuned, retuned, tunable) | frozenset(for_them)) - named
+
+
+def _says_the_same(fit: Fit, judgement: Judgement, beside: frozenset[tuple[str, str]]) -> bool:
+    """Whether a set has what is named and nothing else, but for what is fitted along and no name."""
+    return bool(judgement.named and judgement.retuned) and fit.keys - beside == {
+        effect.key for effect in judgement.named
+    }
 
 
 def least_certain(

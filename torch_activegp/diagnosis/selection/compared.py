@@ -65,7 +65,8 @@ class Selection:
         tunable: all effects that a modeller may have tuned.
         tunable_gains: what each of these gains on top of the nominal, and all together, to first order; None until
             they are asked for.
-        of_a_step: effects of the best set that other time steps do without; see :mod:`.finer_steps`.
+        of_a_step: effects of the best set that other time steps do without, :mod:`.finer_steps`, or forces held over
+            them, :mod:`.held_forces`.
     """
 
     nominal: Fit

@@ -58,7 +58,7 @@ class Explanation:
         shooting: the likelihood in the end.
         selection: the sets.
         effects: all that was tried.
-        given: the simulation as the model says.
+        given: that by the model's own integrator and time step.
         firm: whether the dry friction of its own joints stuck firmly.
     """
 
