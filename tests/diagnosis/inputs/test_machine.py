@@ -10,11 +10,6 @@ from torch_activegp.data import Recording
 from torch_activegp.diagnosis.inputs.machine import check_given, make_machine, recording_notes
 from torch_activegp.errors import DataError
 
-NO_CONTROL = (
-    "no control is recorded (ctrl.drive); taken as 0. If the machine was driven, nothing can explain its motion so: "
-    "record them."
-)
-
 
 def test_given_runs_are_kept_apart(model, record) -> None:
     machine = make_machine(model, [record(name="a"), record(name="b")], [record(name="c")])
@@ -62,21 +57,6 @@ def test_runs_of_other_rates_are_laid_on_the_clock_of_the_fastest(model, record)
 def test_too_short_a_run_is_not_divided(model, record) -> None:
     with pytest.raises(DataError, match="a: too short to set the last fifth of it aside, 51 rows found, 60 wanted"):
         make_machine(model, [record(name="a", seconds=0.5)], [])
-
-
-def test_a_control_that_is_missing_is_noted(model, record) -> None:
-    machine = make_machine(model, [record(name="a", ctrl__drive=None)], [record()])
-    assert machine.notes == ("a: " + NO_CONTROL,)
-    assert not machine.fit[0].control.any()
-
-
-def test_a_control_among_others_that_is_missing_is_noted_and_doubted(bench, record) -> None:
-    twice = bench.xml.replace("</actuator>", '<motor name="second" joint="hip"/></actuator>')
-    runs = [record(name="a"), record(name="b"), record(name="c", ctrl__second=np.zeros(201))]
-    machine = make_machine(mujoco.MjModel.from_xml_string(twice), runs, [record(ctrl__second=np.zeros(201))])
-    note = "a, b: no ctrl.second; taken as 0. If such a drive moved it, nothing can explain its motion so: record it."
-    assert machine.notes == machine.lacks == (note,)
-    assert machine.doubts + machine.undriven == ()  # nothing is taken back for a drive that may have rested
 
 
 def test_a_joint_with_a_velocity_alone_is_noted(bench, record) -> None:
@@ -147,17 +127,6 @@ def test_a_glitch_is_noted_with_its_recording(model, record) -> None:
     machine = make_machine(model, [run.replace({"qpos.hip": position})], [record(name="b")])
     (note,) = machine.notes
     assert note.startswith("a: a row left out, at 0.5 s: qpos.hip is far")
-
-
-def test_what_is_true_of_all_is_noted_once(model, record) -> None:
-    runs = [record(name=name, ctrl__drive=None) for name in "abc"]
-    machine = make_machine(model, runs, runs[:1])
-    (note,) = machine.notes
-    assert note.startswith("all recordings: no control is recorded (ctrl.drive)")
-    assert [doubt[:37] for doubt in machine.undriven] == ["all recordings: no control is recorde"]
-    some = make_machine(model, [*runs[:2], record(name="d")], [record(name="e")])
-    assert [note[:31] for note in some.notes] == ["a, b: no control is recorded (c"]
-    assert make_machine(model, [record()], [record()]).undriven == ()
 
 
 def test_what_was_decided_about_a_file_is_noted_once(model, record, tmp_path) -> None:

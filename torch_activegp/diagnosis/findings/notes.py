@@ -10,7 +10,7 @@ import numpy as np
 
 from torch_activegp.diagnosis.findings.doubts import MUCH_LEFT
 from torch_activegp.diagnosis.findings.forecast import SEEN
-from torch_activegp.diagnosis.inputs.machine import unrecorded
+from torch_activegp.diagnosis.inputs.not_recorded import unrecorded
 from torch_activegp.diagnosis.inputs.segments import Segments
 from torch_activegp.diagnosis.selection.compared import Selection
 from torch_activegp.diagnosis.selection.explain import Explanation

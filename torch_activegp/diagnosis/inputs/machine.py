@@ -13,13 +13,14 @@ import numpy as np
 from torch_activegp.data import Recording
 from torch_activegp.diagnosis.inputs.blackbox import BlackBox, check_clock, check_rates, check_recordings
 from torch_activegp.diagnosis.inputs.clock import truer_times
+from torch_activegp.diagnosis.inputs.not_recorded import partly_driven, undriven, unseen
 from torch_activegp.diagnosis.inputs.own_filters import check_drives
-from torch_activegp.diagnosis.inputs.runs import MIN_ROWS, Channels, Run, input_addresses, make_run
+from torch_activegp.diagnosis.inputs.runs import MIN_ROWS, Channels, Run, make_run
+from torch_activegp.diagnosis.inputs.wrong_clock import check_clock_unit
 from torch_activegp.diagnosis.inputs.wrong_controls import doubt_controls
 from torch_activegp.diagnosis.inputs.wrong_signs import check_signs
 from torch_activegp.diagnosis.inputs.wrong_units import check_units
 from torch_activegp.errors import ConfigurationError, DataError
-from torch_activegp.physics.naming import joint_name
 
 _SHARE = 0.2
 _MOVES = 1e-9
@@ -135,17 +136,21 @@ def lay_over(
         The same lists of runs, and what was decided about the recordings.
 
     Raises:
-        DataError: a recording is too short, does not move, or does not lie on the clock of a black box.
+        DataError: a recording is too short, does not move, seems to have its times in another unit, or does not lie on
+            the clock of a black box.
         ConfigurationError: a black box moves its positions otherwise than its velocities say, or a drive keeps a state
             that no recording holds.
     """
     notes: list[str] = []
     lists = [_long_enough(recordings, notes) for recordings in lists]
+    if box is None:
+        for recordings in lists:
+            check_clock_unit(model, recordings)
     every, said = truer_times([recording for recordings in lists for recording in recordings], channels)
     notes += [said] if said else []
     if channels.prescribed is not None:
         notes.append(_prescribed(channels.prescribed))
-    notes += _unseen(model, channels)
+    notes += unseen(model, channels)
     notes += recording_notes(model, every)
     clock = min(float(recording.time.diff().median()) for recording in every if len(recording) > 1)
     laid = [make_run(recording, model, channels, clock) for recording in every]
@@ -189,51 +194,6 @@ def recording_notes(model: mujoco.MjModel, recordings: Sequence[Recording]) -> l
         f"{first}{f' and {len(others)} more' if others else ''}: {note}" for note, (first, *others) in whose.items()
     ]
     return [*notes, *partly_driven(model, recordings), *undriven(model, recordings)]
-
-
-def undriven(model: mujoco.MjModel, recordings: Sequence[Recording]) -> list[str]:
-    """A note on the recordings without any control, if there are some and the model has actuators."""
-    names, inputs = [recording.label for recording in recordings if not recording.actuators], input_addresses(model)
-    if not names or not inputs:
-        return []
-    missing = ", ".join(f"ctrl.{name}" for name in inputs)
-    return [
-        f"{_whose(names, recordings)}: no control is recorded ({missing}); taken as 0. If the machine was driven, "
-        "nothing can explain its motion so: record them."
-    ]
-
-
-def partly_driven(model: mujoco.MjModel, recordings: Sequence[Recording]) -> list[str]:
-    """Notes on the recordings without some of the model's controls, one for those that lack the same."""
-    lacking: dict[tuple[str, ...], list[str]] = {}
-    for recording in recordings:
-        missing = tuple(f"ctrl.{name}" for name in input_addresses(model) if name not in recording.actuators)
-        if missing and recording.actuators:
-            lacking.setdefault(missing, []).append(recording.label)
-    return [
-        f"{_whose(names, recordings)}: no {', '.join(missing)}; taken as 0. If such a drive moved it, nothing can "
-        f"explain its motion so: record {'it' if len(missing) == 1 else 'them'}."
-        for missing, names in lacking.items()
-    ]
-
-
-def _whose(names: Sequence[str], recordings: Sequence[Recording]) -> str:
-    return ", ".join(names) if len(names) < len(recordings) or len(names) == 1 else "all recordings"
-
-
-def unrecorded(model: mujoco.MjModel, channels: Channels) -> list[str]:
-    """The hinges and slides whose positions not all recordings hold."""
-    known = {*channels.joints, *(channels.prescribed.joints if channels.prescribed is not None else ())}
-    kinds = (int(mujoco.mjtJoint.mjJNT_HINGE), int(mujoco.mjtJoint.mjJNT_SLIDE))
-    joints = [joint_name(model, i) for i in range(model.njnt) if model.jnt_type[i] in kinds]
-    return [joint for joint in joints if joint not in known]
-
-
-def _unseen(model: mujoco.MjModel, channels: Channels) -> list[str]:
-    """A note on the joints whose positions not all recordings hold."""
-    missing = ", ".join(f"qpos.{joint}" for joint in unrecorded(model, channels))
-    what = "simulated, but compared with nothing: what acts on these joints is seen through the others alone"
-    return [f"Not in all recordings: {missing}; {what}. Record them if you can."] if missing else []
 
 
 def _prescribed(joints: Channels) -> str:
