@@ -13,7 +13,7 @@ from torch_activegp.diagnosis.checkpoint import Checkpoint
 from torch_activegp.diagnosis.findings.entries import named_effects, recording_entries, retuned_entries, rival_entries
 from torch_activegp.diagnosis.findings.evidence import laws, map_region, map_time
 from torch_activegp.diagnosis.findings.forecast import compare, without_model
-from torch_activegp.diagnosis.findings.late_controls import doubt_rows, doubt_signs
+from torch_activegp.diagnosis.findings.late_controls import doubt_places, doubt_rows, doubt_signs
 from torch_activegp.diagnosis.findings.locate import entries, locate, somewhere
 from torch_activegp.diagnosis.findings.notes import outcome_notes, search_notes
 from torch_activegp.diagnosis.findings.numerics_note import numerics_notes
@@ -244,11 +244,11 @@ def _forecasts(
 
 
 def _late(explanation: Explanation, judgement: Judgement, say: Tell) -> list[str]:
-    """Whether controls seem to be logged late, or one the other way round, where nothing explains the mismatch."""
+    """Whether controls seem to be logged late, turned or interchanged, where nothing explains the mismatch."""
     if judgement.verdict != "unknown":
         return []
-    say("looking at rows and signs of the controls", 0.99)
-    return doubt_rows(explanation) or doubt_signs(explanation)
+    say("looking at rows, signs and places of the controls", 0.99)
+    return doubt_rows(explanation) or doubt_signs(explanation) or doubt_places(explanation)
 
 
 def _certain(judgement: Judgement) -> list[tuple[Effect, Array]]:

@@ -2,17 +2,21 @@ from __future__ import annotations
 
 import dataclasses
 
+import mujoco
 import numpy as np
 import pytest
 
 from torch_activegp.diagnosis import diagnose
-from torch_activegp.diagnosis.findings.late_controls import doubt_rows, doubt_signs
+from torch_activegp.diagnosis.findings.late_controls import doubt_places, doubt_rows, doubt_signs
+from torch_activegp.diagnosis.inputs.machine import make_machine
+from torch_activegp.diagnosis.inputs.segments import cut
 from torch_activegp.diagnosis.noise.model import NoiseModel
 from torch_activegp.diagnosis.selection.compared import Selection
 from torch_activegp.diagnosis.selection.explain import Explanation
 from torch_activegp.diagnosis.shooting.likelihood import Shooting
 from torch_activegp.diagnosis.shooting.score import Score
 from torch_activegp.diagnosis.simulation.candidate import NOMINAL, Candidate
+from torch_activegp.diagnosis.simulation.engine import Engine
 
 
 def explained(clean, rows: int, driven: bool = True) -> Explanation:
@@ -84,6 +88,39 @@ def test_a_control_with_the_other_sign_is_told_though_a_friction_is_missing_too(
     if said:
         assert "Column `ctrl.drive`: the sign seems to be the other way round" in found[0]
         assert "ctrl.drive = { sign = -1 }" in found[0]
+
+
+def in_places(clean, record, swapped: bool, loud: float) -> Explanation:
+    """What a model with two motors on its joint would have recorded, with each other's columns or not."""
+    motors = '<motor name="second" joint="hip" gear="-2"/><motor name="third" joint="hip"/></actuator>'
+    model = mujoco.MjModel.from_xml_string(clean.xml.replace("</actuator>", motors))
+    still = np.zeros(201)
+    turns = [{"ctrl__second": np.sin(0.05 * k * np.arange(201)), "ctrl__third": still} for k in (1, 2)]
+    machine = make_machine(model, [record("none", k, **more) for k, more in enumerate(turns)], [record("none", 9)])
+    engine, segments = Engine(model, machine.channels, 2, 1), cut(machine.fit, 0.5, 0.1)
+    seen = engine.predict(segments, engine.starts(segments)[None], [NOMINAL])[0]
+    noise = loud * clean.noise
+    position = seen + noise * np.random.default_rng(0).normal(size=seen.shape)
+    columns = [1, 0, 2] if swapped else [0, 1, 2]
+    runs = tuple(dataclasses.replace(run, control=run.control[:, columns]) for run in segments.runs)
+    segments = dataclasses.replace(segments, runs=runs, position=position)
+    shooting = Shooting(engine, segments, NoiseModel.white(np.array([noise])))
+    nominal = shooting.fit([((), ())], engine.starts(segments))[0]
+    selection = Selection(nominal, [nominal], Score(shooting.samples, 60, 1.0))
+    return Explanation(engine, shooting, selection, (), given=engine)
+
+
+@pytest.mark.parametrize(("swapped", "loud", "said"), [(True, 0.02, True), (False, 0.02, False), (True, 300.0, False)])
+def test_two_controls_in_each_others_columns_are_told(clean, record, swapped, loud, said: bool) -> None:
+    """Where much is left. A third one that rests is none of them."""
+    found = in_places(clean, record, swapped, loud)
+    assert doubt_signs(found) == []
+    told = doubt_places(found)
+    assert bool(told) == said
+    if said:
+        (text,) = told
+        assert text.startswith("Columns `ctrl.drive` and `ctrl.second` seem to be interchanged.")
+        assert 'ctrl.drive = { column = "ctrl.second" } and ctrl.second = { column = "ctrl.drive" }' in text
 
 
 def test_a_log_of_commands_that_led_to_their_rows_is_told_first(record, model) -> None:

@@ -98,10 +98,12 @@ def test_a_recording_that_is_too_short_is_refused(two) -> None:
         make_run(short, two, Channels.of(two, [short]))
 
 
-def test_a_clock_that_counts_something_else_is_refused(two) -> None:
-    time = np.arange(40) * 10.0
+@pytest.mark.parametrize("row", [10.0, 1.0])
+def test_a_clock_that_counts_something_else_is_refused(two, row: float) -> None:
+    """At 100 Hz and at 1 kHz."""
+    time = np.arange(40) * row
     slow = Recording.from_columns("slow", {"time": time, "qpos.lift": np.sin(time)})
-    with pytest.raises(DataError, match=r"slow, column `time`: seconds wanted, found a row every 10.*unit = \"ms\""):
+    with pytest.raises(DataError, match=r"slow, column `time`: seconds wanted, found a row every 1.*unit = \"ms\""):
         make_run(slow, two, Channels.of(two, [slow]))
 
 

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from torch_activegp.data import Recording
+from torch_activegp.diagnosis import evaluate
 from torch_activegp.diagnosis.inputs import wrong_controls
 from torch_activegp.diagnosis.inputs.machine import make_machine
 from torch_activegp.diagnosis.inputs.wrong_controls import doubt_controls, servo_order
@@ -197,3 +198,19 @@ def test_actuators_need_no_names(records) -> None:
         runs.append(Recording.from_columns(run.label, {"time": run.time.numpy(), **columns}))
     machine = make_machine(mujoco.MjModel.from_xml_string(xml), runs, [])
     assert any("Column `ctrl.actuator1`: the sign" in text for text in machine.doubts)
+
+
+@pytest.mark.parametrize(("scale", "limit", "said"), [(100.0, 9.5, True), (1.0, 9.5, False), (1.0, 8.0, False)])
+def test_a_control_beyond_the_models_limits_in_most_rows_is_doubted(records, scale, limit, said: bool) -> None:
+    """What is clipped says nothing of its unit; now and then beyond them is a controller's command."""
+    limited = XML.replace('name="push"', f'name="push" ctrllimited="true" ctrlrange="-{limit} {limit}"')
+    assert limited != XML
+    model, runs = mujoco.MjModel.from_xml_string(limited), records(scale)
+    machine = make_machine(model, runs, [])
+    found = [doubt for doubt in machine.doubts if "beyond the model's own limits" in doubt]
+    assert bool(found) is said
+    assert set(machine.doubts) <= set(machine.notes)
+    if said:
+        assert found[0].startswith("Column `ctrl.push`: -900 to 900, and beyond")
+        assert f"(ctrlrange, -{limit} to {limit}) in 9" in found[0]
+        assert found[0] in evaluate(model, runs, nthread=1)["notes"]

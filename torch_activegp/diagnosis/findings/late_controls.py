@@ -1,10 +1,12 @@
-"""Whether a mismatch that nothing explains is a log whose controls are a row late, or one has the other sign."""
+"""Whether a mismatch that nothing explains is a log whose controls are late, turned, or in each other's place."""
 
 from __future__ import annotations
 
 import dataclasses
 import functools
-from collections.abc import Callable
+import itertools
+from collections.abc import Callable, Mapping
+from typing import TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,12 +17,14 @@ from torch_activegp.diagnosis.preparation.telling import enough
 from torch_activegp.diagnosis.selection.explain import Explanation
 from torch_activegp.diagnosis.shooting.likelihood import Shooting
 
+K = TypeVar("K")
+
 _BETTER = 0.5
 """Part of what is left otherwise that controls a row earlier may leave to be doubted: a machine does not act before it
 is told to, so nothing on the list looks like that. On an arm of two joints a row earlier left 6 for 48 times the
 noise."""
 _TURNED = 0.2
-"""Part of what the nominal leaves that it may leave with a control turned for that to be doubted."""
+"""Part of what the nominal leaves that it may leave with a control turned, or two interchanged, for a doubt of them."""
 _TOLD = 3
 """So many columns are written out."""
 
@@ -72,27 +76,68 @@ def doubt_signs(explanation: Explanation) -> list[str]:
     Returns:
         A sentence; none where that is little, or no control does so.
     """
-    shooting, selection = explanation.shooting, explanation.selection
-    if selection.best.chi2 < MUCH_LEFT * shooting.dof:
+    signs = {name: functools.partial(_turned, at=at) for name, at in _driven(explanation).items()}
+    found = _mended(explanation, signs)
+    if found is None:
         return []
-    found, parts = list[tuple[float, str]](), _parts(explanation)
-    for name, at in _driven(explanation).items():
-        turned, left = _with(explanation, functools.partial(_turned, at=at)), np.inf
-        for which in parts:
-            part = turned.pick(which)  # from the recording: states of a simulator that is so wrong lead nowhere
-            left = part.fit([((), ())], part.engine.starts(part.segments))[0].chi2
-            if not left < _TURNED * selection.nominal.pick(which).chi2:
-                break
-        else:
-            found.append((left / shooting.dof, name))
-    if not found:
-        return []
-    (left, name), before = min(found), selection.nominal.chi2 / shooting.dof
+    name, left, before = found
     return [
         f"Column `ctrl.{name}`: the sign seems to be the other way round. Turned, the simulator leaves {left:.3g} "
         f"times the noise for {before:.3g} (chi2 per dof), without any effect. If so, say it in a column map "
         f"(--columns MAP.toml): ctrl.{name} = {{ sign = -1 }}, or without that where it is there."
     ]
+
+
+def doubt_places(explanation: Explanation) -> list[str]:
+    """Says which two controls seem to have each other's column: as in :func:`doubt_signs`.
+
+    Args:
+        explanation: what was found, and how.
+
+    Returns:
+        A sentence; none where that is little, or no two controls do so.
+    """
+    pairs = itertools.combinations(_driven(explanation).items(), 2)
+    swaps = {(a, b): functools.partial(_swapped, first=i, second=j) for (a, i), (b, j) in pairs}
+    found = _mended(explanation, swaps)
+    if found is None:
+        return []
+    (one, other), left, before = found
+    return [
+        f"Columns `ctrl.{one}` and `ctrl.{other}` seem to be interchanged. With each in the other's place the "
+        f"simulator leaves {left:.3g} times the noise for {before:.3g} (chi2 per dof), without any effect. If so, say "
+        f'it in a column map (--columns MAP.toml): ctrl.{one} = {{ column = "ctrl.{other}" }} and ctrl.{other} = '
+        f'{{ column = "ctrl.{one}" }}, or interchange the columns that are there.'
+    ]
+
+
+def _mended(explanation: Explanation, changes: Mapping[K, Callable[[Run], Run]]) -> tuple[K, float, float] | None:
+    """The change of the controls behind which the simulator leaves far less without any name, where much is left.
+
+    Args:
+        explanation: what was found, and how.
+        changes: by what they are called.
+
+    Returns:
+        Which, and chi2 per degree of freedom with and without it; None where none does.
+    """
+    shooting, selection = explanation.shooting, explanation.selection
+    if selection.best.chi2 < MUCH_LEFT * shooting.dof:
+        return None
+    found, parts = list[tuple[float, K]](), _parts(explanation)
+    for which, change in changes.items():
+        changed, left = _with(explanation, change), np.inf
+        for rows in parts:
+            part = changed.pick(rows)  # from the recording: states of a simulator that is so wrong lead nowhere
+            left = part.fit([((), ())], part.engine.starts(part.segments))[0].chi2
+            if not left < _TURNED * selection.nominal.pick(rows).chi2:
+                break
+        else:
+            found.append((left / shooting.dof, which))
+    if not found:
+        return None
+    left, which = min(found, key=lambda one: one[0])
+    return which, left, selection.nominal.chi2 / shooting.dof
 
 
 def _driven(explanation: Explanation) -> dict[str, int]:
@@ -119,6 +164,13 @@ def _turned(run: Run, at: int) -> Run:
     """The run with the other sign of a control."""
     control = run.control.copy()
     control[:, at] *= -1.0
+    return dataclasses.replace(run, control=control)
+
+
+def _swapped(run: Run, first: int, second: int) -> Run:
+    """The run with two controls in each other's place."""
+    control = run.control.copy()
+    control[:, [first, second]] = control[:, [second, first]]
     return dataclasses.replace(run, control=control)
 
 

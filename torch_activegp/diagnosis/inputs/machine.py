@@ -16,8 +16,7 @@ from torch_activegp.diagnosis.inputs.clock import truer_times
 from torch_activegp.diagnosis.inputs.not_recorded import partly_driven, undriven, unseen
 from torch_activegp.diagnosis.inputs.own_filters import check_drives
 from torch_activegp.diagnosis.inputs.runs import MIN_ROWS, Channels, Run, make_run
-from torch_activegp.diagnosis.inputs.wrong_clock import check_clock_unit
-from torch_activegp.diagnosis.inputs.wrong_controls import doubt_controls
+from torch_activegp.diagnosis.inputs.wrong_controls import doubt_controls, doubt_limits
 from torch_activegp.diagnosis.inputs.wrong_signs import check_signs
 from torch_activegp.diagnosis.inputs.wrong_units import check_units
 from torch_activegp.errors import ConfigurationError, DataError
@@ -96,7 +95,8 @@ def make_machine(
         raise DataError("no recording to fit. Give at least one run of the machine.")
     channels = Channels.of(model, [*recordings, *holdout])
     (fit, kept), notes = lay_over(model, channels, (recordings, holdout), box)
-    doubts = [] if box is not None else _doubts(model, channels, fit, kept)
+    doubts = [] if box is not None else doubt_limits(model, [*recordings, *holdout])
+    doubts += [] if box is not None else _doubts(model, channels, fit, kept)
     notes += doubts if box is None else box.notes()
     lacks = partly_driven(model, recordings) if box is None else []
     if not kept:
@@ -143,9 +143,6 @@ def lay_over(
     """
     notes: list[str] = []
     lists = [_long_enough(recordings, notes) for recordings in lists]
-    if box is None:
-        for recordings in lists:
-            check_clock_unit(model, recordings)
     every, said = truer_times([recording for recordings in lists for recording in recordings], channels)
     notes += [said] if said else []
     if channels.prescribed is not None:

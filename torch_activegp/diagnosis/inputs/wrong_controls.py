@@ -7,6 +7,7 @@ from collections.abc import Mapping, Sequence
 import mujoco
 import numpy as np
 
+from torch_activegp.data import Recording
 from torch_activegp.diagnosis.inputs.runs import Array, Channels, Run, input_addresses
 from torch_activegp.diagnosis.inputs.wrong_units import Motion, balance
 
@@ -18,6 +19,8 @@ _NEAR = 1.25
 """Factor by which a control may be off its unit or sign and still seem to be of that one."""
 _SURE = 0.1
 """Standard error of a factor, in parts of it, above which nothing is said."""
+_MOSTLY, _ROUNDING = 0.5, 0.01
+"""Part of the rows beyond a model's limits from which on a control is doubted; part of its range that is rounding."""
 _EXPLAINED = 0.9
 """Part of the lacking force that the control and what stands for other effects must explain."""
 _LACKS = 0.3
@@ -59,6 +62,33 @@ def doubt_controls(model: mujoco.MjModel, channels: Channels, runs: Sequence[Run
             if text := _doubt(name, factor, _SERVO_UNITS[servo_order(model, int(actuator))]):
                 doubts.setdefault(name, text)
     return list(doubts.values())
+
+
+def doubt_limits(model: mujoco.MjModel, recordings: Sequence[Recording]) -> list[str]:
+    """Says which controls are beyond the model's own limits in most rows: MuJoCo clips them, so that no unit shows.
+
+    Args:
+        model: nominal.
+        recordings: as they are, (T,) rows each.
+
+    Returns:
+        Sentences.
+    """
+    doubts = []
+    for name, at in input_addresses(model).items():
+        column, (low, high) = f"ctrl.{name}", model.actuator_ctrlrange[at]
+        rows = [recording[column].numpy() for recording in recordings if column in recording]
+        if not rows or not model.actuator_ctrllimited[at]:
+            continue
+        control, slack = np.concatenate(rows), _ROUNDING * (high - low)
+        beyond = float(np.mean((control < low - slack) | (control > high + slack)))
+        if beyond > _MOSTLY:
+            doubts.append(
+                f"Column `{column}`: {control.min():.3g} to {control.max():.3g}, and beyond the model's own limits "
+                f"(ctrlrange, {low:.3g} to {high:.3g}) in {beyond:.0%} of the rows, where it is clipped. If the unit "
+                "is another one, say so in its line of a column map (--columns MAP.toml); else mend the model."
+            )
+    return doubts
 
 
 def servo_order(model: mujoco.MjModel, actuator: int) -> int:

@@ -101,10 +101,10 @@ class Screen:
         matrix, scale = scaled(self.normal[np.ix_(index, index)])
         value, vector = np.linalg.eigh(matrix)
         root = np.sqrt(np.where(value > SAME_DIRECTION, value, np.inf))
-        design = np.where(np.isfinite(root), root, 0.0)[:, None] * vector.T * scale
+        design = np.where(np.isfinite(root), root, 0.0)[:, None] * vector.T
         wanted = vector.T @ (self.gradient[index] / scale) / root
-        ends = np.concatenate([_amplitude_bounds(atom) for atom in atoms], axis=1)
-        found = optimize.lsq_linear(design, wanted, (ends[0], ends[1]))
+        ends = scale * np.concatenate([_amplitude_bounds(atom) for atom in atoms], axis=1)
+        found = optimize.lsq_linear(design, wanted, (ends[0], ends[1]), method="bvls")  # the other one may never end
         return float((wanted**2).sum() - 2.0 * found.cost)
 
     def losses(self, atoms: Sequence[Atom]) -> list[float]:
