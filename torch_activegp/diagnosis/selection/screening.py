@@ -41,6 +41,8 @@ _ALIKE = 1e-3
 left 7e-5, and the two were fitted 50 N and -49 N; of all other corrections there, at least 0.3 was left."""
 _ROOM = 1e-9
 """Between amplitudes that may be zero alone."""
+_TURNS = 10
+"""Rounds of bounded least squares for each amplitude, at most."""
 _MOST_BYTES = 60_000_000
 """Of the columns that are tested side by side."""
 
@@ -104,7 +106,8 @@ class Screen:
         design = np.where(np.isfinite(root), root, 0.0)[:, None] * vector.T
         wanted = vector.T @ (self.gradient[index] / scale) / root
         ends = scale * np.concatenate([_amplitude_bounds(atom) for atom in atoms], axis=1)
-        found = optimize.lsq_linear(design, wanted, (ends[0], ends[1]), method="bvls")  # the other one may never end
+        # exact; scipy's other method may never end
+        found = optimize.lsq_linear(design, wanted, (ends[0], ends[1]), method="bvls", max_iter=_TURNS * len(wanted))
         return float((wanted**2).sum() - 2.0 * found.cost)
 
     def losses(self, atoms: Sequence[Atom]) -> list[float]:
