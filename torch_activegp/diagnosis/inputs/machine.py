@@ -95,10 +95,11 @@ def make_machine(
         raise DataError("no recording to fit. Give at least one run of the machine.")
     channels = Channels.of(model, [*recordings, *holdout])
     (fit, kept), notes = lay_over(model, channels, (recordings, holdout), box)
-    doubts = [] if box is not None else doubt_limits(model, [*recordings, *holdout])
-    doubts += [] if box is not None else _doubts(model, channels, fit, kept)
+    doubts, lacks = list[str](), list[str]()
+    if box is None:
+        doubts = [*doubt_limits(model, [*recordings, *holdout]), *_doubts(model, channels, fit, kept)]
+        lacks = partly_driven(model, recordings)
     notes += doubts if box is None else box.notes()
-    lacks = partly_driven(model, recordings) if box is None else []
     if not kept:
         fit, kept, note = _set_aside(fit)
         notes.append(note)

@@ -102,7 +102,7 @@ def _may_be_a_step(shooting: Shooting, fit: Fit, effect: Effect, step: float) ->
     edited = with_effects(model, [effect], [fit.by_effect[effect]])
     changed = np.abs([_inertia(edited) - _inertia(model), edited.dof_damping - model.dof_damping])
     for other, values in fit.by_effect.items():
-        if other is not effect and (held := HeldForce.like(other)) is not None:
+        if (held := HeldForce.like(other)) is not None:
             most[:, held.dof] += _slopes(shooting, held, values)
     return bool((changed <= _MOST * step * most).all())
 
