@@ -70,8 +70,9 @@ def test_what_is_known_well_need_not_be_recorded_again(bench, wet, error: float,
     (coefficient,) = wet.values[0]
     found = least_certain(bench.shooting, wet, np.array([[(error * coefficient) ** 2]]), white=white)
     assert found is not None
-    assert found[1].sentence(again(bench)).startswith(first)
-    assert found[1].needed is not first.startswith("nothing")
+    sentence, needed = found[1].said(again(bench))
+    assert sentence.startswith(first)
+    assert needed is not first.startswith("nothing")
 
 
 @pytest.mark.parametrize(("left", "words"), [(0.91, "hardly more of viscous_friction"), (0.89, "standard error")])
@@ -81,9 +82,10 @@ def test_what_controls_would_hardly_tell_is_not_promised(bench, wet, monkeypatch
     for error, well in ((0.01, True), (0.03, False)):
         found = least_certain(bench.shooting, wet, np.array([[(error * wet.values[0][0]) ** 2]]))
         assert found is not None
-        said = found[1].sentence(again(bench))
-        assert words in said
-        assert said.startswith("nothing need be recorded") is well
+        sentence, needed = found[1].said(again(bench))
+        assert words in sentence
+        assert sentence.startswith("nothing need be recorded") is well
+        assert needed is (left < 0.9 and not well)
 
 
 def test_a_ratio_has_no_unit(bench) -> None:
@@ -92,7 +94,7 @@ def test_a_ratio_has_no_unit(bench) -> None:
     fit = dataclasses.replace(bench.nominal, effects=(limit,), values=(np.array([0.1]),), information=information)
     found = least_certain(bench.shooting, fit, np.array([[1e-4]]))
     assert found is not None
-    words = found[1].sentence(again(bench))
+    words, _ = found[1].said(again(bench))
     assert re.search(r"from 0\.01 to about 0\.\d+$", words)
     assert [text.rpartition(" ")[2] for text in found[1].separates] == ["0.08", "0.12"]
 
@@ -103,7 +105,7 @@ def test_where_no_controls_tell_a_tie_apart_none_is_said_to_be_settled(bench, we
     twin = dataclasses.replace(wet, effects=(bench.effect("quadratic_drag"),))
     monkeypatch.setattr(
         "torch_activegp.diagnosis.findings.proposal.next_experiment",
-        lambda engine, fits, *rest: None if twin in fits else ({"why": rest[-1].sentence(again(bench))}, ""),
+        lambda engine, fits, *rest: None if twin in fits else ({"why": rest[-1].said(again(bench))[0]}, ""),
     )
     ties = {"ties": ((bench.effect("quadratic_drag"),),), "verdict": "tie"}
     entry, _ = proposed(bench, wet, *([twin] if listed else []), **ties)
@@ -135,8 +137,8 @@ def test_the_ends_of_the_least_certain_parameter_are_four_standard_errors_apart(
     (low, high), telling = least_certain(bench.shooting, wet, np.linalg.inv(wet.information))
     error = wet.information[0, 0] ** -0.5
     np.testing.assert_allclose(high.values[0] - low.values[0], 4.0 * error)
-    assert f"{error:.2g} N m s/rad to about {left_of(bench, wet) * error:.2g} N m s/rad" in telling.sentence(
-        again(bench)
+    assert (
+        f"{error:.2g} N m s/rad to about {left_of(bench, wet) * error:.2g} N m s/rad" in telling.said(again(bench))[0]
     )
     np.testing.assert_allclose(
         np.subtract(*(least_certain(bench.shooting, wet, 4.0 / wet.information)[0][k].values[0] for k in (1, 0))),
@@ -153,7 +155,7 @@ def test_a_number_that_has_no_name_is_told_by_its_effect(bench) -> None:
     _, telling = least_certain(bench.shooting, fit, np.diag([1e-2, 1e-6, 1e-6]))
     percent = f"{100 * left_of(bench, fit):.2g}"
     told = f"cogging at joint:hip, whose standard errors these controls would bring to about {percent} %"
-    assert told in telling.sentence(again(bench))
+    assert told in telling.said(again(bench))[0]
     where = "cogging at joint:hip at"
     assert telling.separates == [f"{where} one end of its intervals", f"{where} the other end of its intervals"]
 

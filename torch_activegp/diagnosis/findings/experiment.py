@@ -47,13 +47,11 @@ class Telling(NamedTuple):
 
     Args:
         separates: the two in words.
-        sentence: says it of the recording that does so.
-        needed: whether the recording is worth making.
+        said: what is said of the recording that does so, and whether it is worth making.
     """
 
     separates: list[str]
-    sentence: Callable[[Trial], str]
-    needed: bool = True
+    said: Callable[[Trial], tuple[str, bool]]
 
 
 def next_experiment(
@@ -128,16 +126,16 @@ def next_experiment(
         return None
     told = telling or _names(rivals[0], rivals[1])
     trial = Trial(float(gains[0]), made[best], start)
+    sentence, needed = told.said(trial)
     seen, caution = "of controls and near the positions seen", ""
     if (away[0] > 0.0).any():
         seen, caution = "of controls", f". Simulate these controls first: {_leaving(engine, away[0], width)}"
     entry = {
         "separates": told.separates,
         "why": (
-            f"{told.sentence(trial)} ({SECONDS:g} s, within the limits seen {seen}); start where {runs[0].label} "
-            f"started{caution}."
+            f"{sentence} ({SECONDS:g} s, within the limits seen {seen}); start where {runs[0].label} started{caution}."
         ),
-        "needed": told.needed,
+        "needed": needed,
         "controls": "next.csv",
         "predicted_gain": trial.gain,
     }
@@ -181,7 +179,8 @@ def _names(one: Fit, other: Fit) -> Telling:
     return Telling(
         words,
         lambda trial: (
-            f"{words[0]} and {words[1]} predict positions that differ by chi2 = {trial.gain:.3g} under these controls"
+            f"{words[0]} and {words[1]} predict positions that differ by chi2 = {trial.gain:.3g} under these controls",
+            True,
         ),
     )
 

@@ -135,23 +135,19 @@ def least_certain(
     enough = white and before == _SETTLED and relative[place] < _WELL_KNOWN
     before = f"nothing need be recorded: {before}" if enough else before
 
-    def sentence(trial: Trial) -> str:
+    def said(trial: Trial) -> tuple[str, bool]:
         share = float(left_of_errors(shooting, fit, trial.run, trial.start)[place])
         if share > _HARDLY_LESS:
-            return f"{before}, and these controls would tell hardly more of {where}"
+            return f"{before}, and these controls would tell hardly more of {where}", False
         if not known:
-            return (
-                f"{before}; least certain is {where}, whose standard errors these controls would bring to about "
-                f"{100 * share:.2g} % of what they are"
-            )
-        return (
-            f"{before}; the least certain number is the {what}, whose standard error these controls would bring from "
-            f"{error[place]:.2g}{unit} to about {share * error[place]:.2g}{unit}"
-        )
+            least = f"least certain is {where}, whose standard errors these controls would bring to about"
+            return f"{before}; {least} {100 * share:.2g} % of what they are", not enough
+        least = f"the least certain number is the {what}, whose standard error these controls would bring from"
+        return f"{before}; {least} {error[place]:.2g}{unit} to about {share * error[place]:.2g}{unit}", not enough
 
     fits = [dataclasses.replace(fit, values=split(fit.effects, end)) for end in ends]
     if known:
         separates = [f"{what} {end[place]:.4g}{unit}" for end in ends]
     else:
         separates = [f"{where} at {end} end of its intervals" for end in ("one", "the other")]
-    return fits, Telling(separates, sentence, not enough)
+    return fits, Telling(separates, said)
