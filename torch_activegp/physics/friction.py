@@ -21,6 +21,8 @@ IMPEDANCE = (0.99, 0.999)
 _BRISTLES = 0.5
 _A_LITTLE = 0.15
 """Share of the first-order friction with which a fit also starts."""
+_USUAL_SPEED = 0.1
+"""Stribeck velocity, in parts of the top speed."""
 _STEEPEST = 19.0
 """Static friction beyond what slides, over what slides, at most; machines show 0.1 to 2, and more where they slide
 nearly without friction. Static friction alone is no friction."""
@@ -118,7 +120,7 @@ class StribeckFriction(DryFriction):
         parameters = (
             Parameter("coulomb", place.force_unit, scale, low=-nominal),
             Parameter("excess", place.force_unit, scale, low=0.0),
-            Parameter("velocity", f"{place.position_unit}/s", 0.1 * top, low=0.005 * top, high=0.7 * top),
+            Parameter("velocity", f"{place.position_unit}/s", _USUAL_SPEED * top, low=0.005 * top, high=0.7 * top),
         )
         return cls.make(place, parameters, [[scale, scale, share * top] for share in (0.03, 0.08, 0.2, 0.45)], linear=2)
 
@@ -135,6 +137,14 @@ class StribeckFriction(DryFriction):
             values: F, S - F and w, along the first axis.
         """
         return np.asarray(values[0] + values[1] * np.exp(-((velocity / values[2]) ** 2)))
+
+    def usual(self, level: float) -> list[Array]:
+        """Parameters with half of a level as static excess, at Stribeck velocities of 1 and 3 % of the top speed.
+
+        Machines have 0.1 to 2 of it. What neither shows in recordings, these do not tell.
+        """
+        top = self.parameters[2].scale / _USUAL_SPEED
+        return [np.array([level, 0.5 * (self.nominal_loss + level), share * top]) for share in (0.01, 0.03)]
 
     def plausible(self, values: Array) -> bool:
         """Whether there is friction at speed too."""

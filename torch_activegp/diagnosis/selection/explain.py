@@ -29,6 +29,7 @@ from torch_activegp.diagnosis.selection.process_left import process_behind
 from torch_activegp.diagnosis.selection.prospects import hopeless
 from torch_activegp.diagnosis.selection.search import select
 from torch_activegp.diagnosis.selection.start import NO_FURTHER, TOO_FAR, WHOLE, Start, Tell, once_more, with_noise
+from torch_activegp.diagnosis.selection.static_friction import try_static_friction
 from torch_activegp.diagnosis.selection.weak import also_weak
 from torch_activegp.diagnosis.shooting.fit import Fit
 from torch_activegp.diagnosis.shooting.likelihood import Shooting
@@ -224,6 +225,7 @@ def _finish(
         engine, (shooting, selection) = nameless[0].engine, nameless
     else:
         correct_alike(selection, shooting, effects)
+        try_static_friction(shooting, selection, effects)
         polish(shooting, selection, effects)
         shooting = by_their_own_errors(shooting, engine, selection)
         selection = with_one_law(shooting, selection, effects)

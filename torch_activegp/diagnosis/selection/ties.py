@@ -153,7 +153,7 @@ def as_part(
         old, law = in_place(best, fit, beside) or (None, effect)
         if old is not effect or not contains(law, effect) or fit.chi2 - best.chi2 > TIE * selection.score.scale:
             continue
-        if weak or abs(fit.by_effect[law] - of_part(law, level))[: law.linear].max() > _OTHER * abs(level):
+        if weak or abs(fit.by_effect[law] - of_part(law, level))[: law.linear].max() >= _OTHER * abs(level):
             found[law.key] = None
     return tuple(found)
 

@@ -1,0 +1,60 @@
+"""Recordings of a pendulum with dry friction that its model lacks, with and without a static excess."""
+
+from __future__ import annotations
+
+import dataclasses
+
+import numpy as np
+import pytest
+
+from torch_activegp.diagnosis.noise.model import NoiseModel
+from torch_activegp.diagnosis.selection.compared import Selection
+from torch_activegp.diagnosis.selection.static_friction import try_static_friction
+from torch_activegp.diagnosis.selection.ties import as_part
+from torch_activegp.diagnosis.shooting.score import Score
+from torch_activegp.diagnosis.simulation.candidate import Candidate
+
+LEVEL = 0.3
+
+
+def compared(bench, law, values, noise: float):
+    """The likelihood of what a law makes of the runs, and Coulomb's friction beside nothing."""
+    segments, dry = bench.segments, bench.effect("coulomb_friction")
+    made = bench.predict(Candidate((law,), (np.array(values),)))
+    made = made + noise * np.random.default_rng(3).normal(size=made.shape)
+    segments = dataclasses.replace(segments, position=made)
+    shooting = dataclasses.replace(bench.shooting, segments=segments, noise=NoiseModel.white(np.array([noise])))
+    nothing, found = shooting.fit([((), ()), ((dry,), (np.array([LEVEL]),))], bench.nominal.starts)
+    score = Score(shooting.samples, 40, 1.0)
+    return shooting, Selection(nothing, [nothing, found], score), dry
+
+
+@pytest.mark.parametrize(("noise", "told"), [(1e-4, True), (2e-2, False)])
+def test_where_a_static_friction_does_not_show_either_law_may_be_there(bench, noise: float, told: bool) -> None:
+    shooting, selection, dry = compared(bench, bench.effect("coulomb_friction"), [LEVEL], noise)
+    assert as_part(shooting, selection, dry) == ()
+    try_static_friction(shooting, selection, bench.effects)
+    assert selection.best.effects == (dry,)
+    assert as_part(shooting, selection, dry) == (() if told else (("stribeck_friction", "joint:hip"),))
+
+
+def test_a_static_friction_that_shows_is_found_from_where_it_usually_is(bench) -> None:
+    law = bench.effect("stribeck_friction")
+    _, usual = law.usual(LEVEL)
+    shooting, selection, dry = compared(bench, law, usual, 1e-4)
+    try_static_friction(shooting, selection, bench.effects)
+    assert selection.best.effects == (law,)
+    assert selection.best.chi2 < 0.5 * selection.of([dry]).chi2
+    np.testing.assert_allclose(selection.best.values[0][:2], usual[:2], rtol=0.05)
+
+
+def test_nothing_is_tried_beside_other_names_or_at_rest(bench) -> None:
+    shooting, selection, dry = compared(bench, bench.effect("coulomb_friction"), [LEVEL], 1e-3)
+    wet = dataclasses.replace(selection.best, effects=(bench.effect("viscous_friction"),))
+    still = dataclasses.replace(selection.best, at_rest=True)
+    for best in (wet, still, selection.nominal):
+        other = dataclasses.replace(selection, fits=[selection.nominal, best])
+        try_static_friction(shooting, other, bench.effects)
+        assert other.fits == [selection.nominal, best]
+    try_static_friction(shooting, selection, [dry])
+    assert len(selection.fits) == 2
