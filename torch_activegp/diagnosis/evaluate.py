@@ -13,8 +13,7 @@ from torch_activegp.diagnosis.inputs.blackbox import check_clock
 from torch_activegp.diagnosis.inputs.machine import check_given, lay_over
 from torch_activegp.diagnosis.inputs.runs import Channels, median_step
 from torch_activegp.diagnosis.inputs.source import Source, read_source
-from torch_activegp.diagnosis.inputs.wrong_controls import doubt_controls, doubt_limits
-from torch_activegp.diagnosis.inputs.wrong_units import check_units
+from torch_activegp.diagnosis.inputs.wrong_columns import doubt_columns
 from torch_activegp.diagnosis.noise.floor import noise_floor
 from torch_activegp.diagnosis.preparation.missing_rows import with_missing_controls
 from torch_activegp.diagnosis.simulation.blackbox_engine import BlackBoxEngine
@@ -56,8 +55,7 @@ def evaluate(model: object, recordings: Sequence[Recording], nthread: int = 0) -
     candidate = NOMINAL if effects is None else effects.candidate
     engine: Engine
     if source.box is None:
-        doubts = [*doubt_limits(source.model, recordings), *check_units(source.model, channels, runs)]
-        doubts += doubt_controls(source.model, channels, runs)
+        doubts = doubt_columns(source.model, channels, recordings, runs)
         if effects is None:
             engine = Engine(source.model, channels, substeps_for(source.model, runs), nthread)
         else:

@@ -11,23 +11,29 @@ from typing import TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
-from torch_activegp.diagnosis.findings.doubts import MUCH_LEFT
+from torch_activegp.diagnosis.findings.doubts import DOUBTED_LEFT, MUCH_LEFT
 from torch_activegp.diagnosis.inputs.runs import Run, input_addresses
 from torch_activegp.diagnosis.preparation.telling import enough
 from torch_activegp.diagnosis.selection.explain import Explanation
 from torch_activegp.diagnosis.shooting.likelihood import Shooting
+from torch_activegp.diagnosis.simulation.candidate import NOMINAL
 
-K = TypeVar("K")
+Change = TypeVar("Change")
 
 _BETTER = 0.5
 """Part of what is left otherwise that controls a row earlier may leave to be doubted: a machine does not act before it
 is told to, so nothing on the list looks like that. On an arm of two joints a row earlier left 6 for 48 times the
 noise."""
-_TURNED = 0.2
-"""Part of what the nominal leaves that it may leave with a control turned, or two interchanged, for a doubt of them."""
+_TURNED, _INTERCHANGED = 0.2, 0.02
+"""Parts of what the nominal leaves that it may leave with a control turned, or two interchanged, for a doubt of them.
+Two controls with two signs can be interchanged in more ways than one is turned: joints of which one was recorded with
+the other sign, pulled by two tendons, left 0.6 with the tendons interchanged."""
 _NEAR = 10.0
-"""Times what the best names leave that it may leave so at most: three names left 2400, and a control turned 8 thousand
-times the noise beside all that they stood for. Positions in degrees left 323 thousand so, by names 14."""
+"""Times what the best names leave that it may leave so at most, where these leave much: a control turned left 8
+thousand times the noise beside three names' 2400, whose place it took, and positions in degrees 323 thousand beside 14.
+"""
+_TRIED = 3
+"""Changes that are fitted, those that come nearest without a fit: each fit of an arm of six took half a second."""
 _TOLD = 3
 """So many columns are written out."""
 
@@ -80,7 +86,7 @@ def doubt_signs(explanation: Explanation) -> list[str]:
         A sentence; none where that is little, or no control does so.
     """
     signs = {name: functools.partial(_turned, at=at) for name, at in _driven(explanation).items()}
-    found = _mended(explanation, signs)
+    found = _mended(explanation, signs, _TURNED)
     if found is None:
         return []
     name, left, before = found
@@ -94,54 +100,78 @@ def doubt_signs(explanation: Explanation) -> list[str]:
 def doubt_places(explanation: Explanation) -> list[str]:
     """Says which two controls seem to have each other's column: as in :func:`doubt_signs`.
 
+    One of them may rest. More than two at once are not tried.
+
     Args:
         explanation: what was found, and how.
 
     Returns:
         A sentence; none where that is little, or no two controls do so.
     """
-    pairs = itertools.combinations(_driven(explanation).items(), 2)
-    swaps = {(a, b): functools.partial(_swapped, first=i, second=j) for (a, i), (b, j) in pairs}
-    found = _mended(explanation, swaps)
+    runs = explanation.shooting.segments.runs
+    pairs = itertools.combinations(input_addresses(explanation.engine.model).items(), 2)
+    swaps = {
+        (a, b): functools.partial(_swapped, first=i, second=j)
+        for (a, i), (b, j) in pairs
+        if any((run.control[:, i] != run.control[:, j]).any() for run in runs)
+    }
+    found = _mended(explanation, swaps, _INTERCHANGED)
     if found is None:
         return []
     (one, other), left, before = found
     return [
-        f"Columns `ctrl.{one}` and `ctrl.{other}` seem to be interchanged. With each in the other's place the "
-        f"simulator leaves {left:.3g} times the noise for {before:.3g} (chi2 per dof), without any effect. If so, say "
-        f'it in a column map (--columns MAP.toml): ctrl.{one} = {{ column = "ctrl.{other}" }} and ctrl.{other} = '
-        f'{{ column = "ctrl.{one}" }}, or interchange the columns that are there.'
+        f"Columns `ctrl.{one}` and `ctrl.{other}` seem to be interchanged, or those of the joints that they move. With "
+        f"each control in the other's place the simulator leaves {left:.3g} times the noise for {before:.3g} (chi2 per "
+        f"dof), without any effect. If so, say it in a column map (--columns MAP.toml), ctrl.{one} = {{ column = "
+        f'"ctrl.{other}" }} in one line and ctrl.{other} = {{ column = "ctrl.{one}" }} in the next, or interchange the '
+        "columns that are there."
     ]
 
 
-def _mended(explanation: Explanation, changes: Mapping[K, Callable[[Run], Run]]) -> tuple[K, float, float] | None:
-    """The change of the controls behind which the simulator leaves far less without any name, where much is left.
+def _mended(
+    explanation: Explanation, changes: Mapping[Change, Callable[[Run], Run]], share: float
+) -> tuple[Change, float, float] | None:
+    """The change of the controls behind which the simulator leaves far less without any name.
 
     Args:
         explanation: what was found, and how.
         changes: by what they are called.
+        share: part of what the nominal leaves that it may leave so.
 
     Returns:
         Which, and chi2 per degree of freedom with and without it; None where none does.
     """
     shooting, selection = explanation.shooting, explanation.selection
+    most = _NEAR * selection.best.chi2
     if selection.best.chi2 < MUCH_LEFT * shooting.dof:
-        return None
-    found, parts = list[tuple[float, K]](), _parts(explanation)
-    for which, change in changes.items():
-        changed, left = _with(explanation, change), np.inf
+        most = min(selection.best.chi2, DOUBTED_LEFT * shooting.dof)
+    found, parts = list[tuple[float, Change]](), _parts(explanation)
+    for which in _nearest(explanation, changes, parts[0]):
+        changed, left = _with(explanation, changes[which]), np.inf
         for rows in parts:
             part = changed.pick(rows)  # from the recording: states of a simulator that is so wrong lead nowhere
             left = part.fit([((), ())], part.engine.starts(part.segments))[0].chi2
-            if not left < _TURNED * selection.nominal.pick(rows).chi2:
+            if not left < share * selection.nominal.pick(rows).chi2:
                 break
         else:
-            if left < _NEAR * selection.best.chi2:
+            if left < most:
                 found.append((left / shooting.dof, which))
     if not found:
         return None
     left, which = min(found, key=lambda one: one[0])
     return which, left, selection.nominal.chi2 / shooting.dof
+
+
+def _nearest(
+    explanation: Explanation, changes: Mapping[Change, Callable[[Run], Run]], rows: NDArray[np.int64]
+) -> list[Change]:
+    """The few changes behind which the simulator stays nearest to some segments from where these begin, unfitted."""
+    left = {}
+    for which, change in changes.items():
+        part = _with(explanation, change).pick(rows)
+        white = part.residuals_from(part.engine.starts(part.segments)[None], [NOMINAL])
+        left[which] = float((white**2).sum())
+    return sorted((which for which in left if np.isfinite(left[which])), key=left.__getitem__)[:_TRIED]
 
 
 def _driven(explanation: Explanation) -> dict[str, int]:
@@ -151,9 +181,12 @@ def _driven(explanation: Explanation) -> dict[str, int]:
 
 
 def _with(explanation: Explanation, change: Callable[[Run], Run]) -> Shooting:
-    """The likelihood with changed controls."""
-    shooting = explanation.shooting
-    segments = dataclasses.replace(shooting.segments, runs=tuple(map(change, shooting.segments.runs)))
+    """The likelihood with changed controls, within the limits of the columns where they are now."""
+    shooting, model = explanation.shooting, explanation.engine.model
+    low, high = np.where(model.actuator_ctrllimited, model.actuator_ctrlrange.T, [[-np.inf], [np.inf]])
+    changed = map(change, shooting.segments.runs)
+    runs = tuple(dataclasses.replace(run, control=np.clip(run.control, low, high)) for run in changed)
+    segments = dataclasses.replace(shooting.segments, runs=runs)
     return dataclasses.replace(shooting, engine=explanation.engine, segments=segments, offset=None)
 
 

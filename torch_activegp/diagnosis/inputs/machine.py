@@ -16,9 +16,8 @@ from torch_activegp.diagnosis.inputs.clock import truer_times
 from torch_activegp.diagnosis.inputs.not_recorded import partly_driven, undriven, unseen
 from torch_activegp.diagnosis.inputs.own_filters import check_drives
 from torch_activegp.diagnosis.inputs.runs import MIN_ROWS, Channels, Run, make_run
-from torch_activegp.diagnosis.inputs.wrong_controls import doubt_controls, doubt_limits
+from torch_activegp.diagnosis.inputs.wrong_columns import doubt_columns
 from torch_activegp.diagnosis.inputs.wrong_signs import check_signs
-from torch_activegp.diagnosis.inputs.wrong_units import check_units
 from torch_activegp.errors import ConfigurationError, DataError
 
 _SHARE = 0.2
@@ -97,7 +96,8 @@ def make_machine(
     (fit, kept), notes = lay_over(model, channels, (recordings, holdout), box)
     doubts, lacks = list[str](), list[str]()
     if box is None:
-        doubts = [*doubt_limits(model, [*recordings, *holdout]), *_doubts(model, channels, fit, kept)]
+        doubts = doubt_columns(model, channels, [*recordings, *holdout], fit, kept)
+        check_signs(model, channels, fit)
         lacks = partly_driven(model, recordings)
     notes += doubts if box is None else box.notes()
     if not kept:
@@ -162,19 +162,6 @@ def lay_over(
         check_clock(box, laid)
         check_rates(box, channels, runs[0])
     return runs, notes
-
-
-def _doubts(model: mujoco.MjModel, channels: Channels, fit: Sequence[Run], kept: Sequence[Run]) -> list[str]:
-    """Columns whose unit or sign is doubted; raises a `DataError` where it is surely another one."""
-    controls = doubt_controls(model, channels, fit)
-    try:
-        units = [*check_units(model, channels, fit), *check_units(model, channels, kept)]
-    except DataError as error:
-        if controls:  # a motion in mm takes what a force in kN would give
-            raise DataError(f"{error} Or another column is: {controls[0]}") from error
-        raise
-    check_signs(model, channels, fit)
-    return [*units, *controls]
 
 
 def recording_notes(model: mujoco.MjModel, recordings: Sequence[Recording]) -> list[str]:

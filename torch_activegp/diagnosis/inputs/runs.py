@@ -25,7 +25,7 @@ MISSING = 1.5
 """Median steps from which on rows are missing in a step."""
 MIN_ROWS = 12
 _SLOWEST = 0.9
-"""Longest time between rows, s: at 1 kHz in ms it is 1."""
+"""Longest time between rows, s: at 1 kHz in ms it is 1. No machine in motion is recorded as slowly."""
 
 
 @dataclasses.dataclass(frozen=True)
@@ -189,7 +189,7 @@ def _laid(
     control = np.zeros((len(time), model.nu))
     for name in recording.actuators:
         control[:, inputs[name]] = recording[f"ctrl.{name}"].numpy()
-    limited = model.actuator_ctrllimited[: model.nu].astype(bool)
+    limited = clipped_controls(model)
     control[:, limited] = np.clip(control[:, limited], *model.actuator_ctrlrange[: model.nu][limited].T)
     force = np.zeros((len(time), model.nv))
     for column in recording.columns:
@@ -230,6 +230,12 @@ def input_addresses(model: mujoco.MjModel) -> dict[str, int]:
     """The first control of every actuator that has one."""
     fed = np.flatnonzero(model.actuator_ctrlnum > 0)
     return {actuator_name(model, i): int(model.actuator_ctrladr[i]) for i in fed}
+
+
+def clipped_controls(model: mujoco.MjModel) -> NDArray[np.bool_]:
+    """Which controls are held within their limits, ``(nu,)``: none where the model's ``clampctrl`` flag is off."""
+    clamped = not model.opt.disableflags & int(mujoco.mjtDisableBit.mjDSBL_CLAMPCTRL)
+    return clamped & model.actuator_ctrllimited[: model.nu].astype(bool)
 
 
 def _dof(model: mujoco.MjModel, label: str, column: str) -> int:
