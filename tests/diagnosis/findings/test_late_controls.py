@@ -1,6 +1,7 @@
 from __future__ import annotations
 
 import dataclasses
+import functools
 import importlib
 from types import SimpleNamespace
 
@@ -161,6 +162,21 @@ def test_of_several_that_mend_the_one_that_leaves_least_is_told(clean, record, m
     monkeypatch.setattr(module, "_nearest", lambda explanation, changes, rows: sorted(changes, reverse=True))
     (told,) = doubt_places(with_names(found, 1e9))
     assert told.startswith("Columns `ctrl.drive` and `ctrl.second`")
+
+
+def test_of_many_changes_those_are_fitted_that_come_nearest_within_the_limits_of_their_columns(
+    clean, record, monkeypatch
+) -> None:
+    found = in_places(clean, record, True, 0.02)
+    monkeypatch.setattr(module, "_TRIED", 1)
+    assert doubt_places(found)
+    model = found.engine.model
+    model.actuator_ctrllimited[0] = True
+    model.actuator_ctrlrange[0] = (-0.1, 0.2)
+    changed = module._with(found, functools.partial(module._swapped, first=0, second=1))
+    for before, after in zip(found.shooting.segments.runs, changed.segments.runs, strict=True):
+        np.testing.assert_array_equal(after.control[:, 0], np.clip(before.control[:, 1], -0.1, 0.2))
+        np.testing.assert_array_equal(after.control[:, 1], before.control[:, 0])
 
 
 def test_places_of_controls_are_doubted_where_neither_rows_nor_signs_are(monkeypatch) -> None:
