@@ -89,8 +89,8 @@ def test_rows_that_come_early_and_late_are_missing_too(model) -> None:
     [
         (True, 4e-4, [14], True),
         (True, 2e-3, [14, 26], True),  # 60 ms are six rows too
-        (False, 2e-3, [14, 26], False),
-        (True, 0.1, [14, 26], False),  # nothing tells
+        (False, 2e-3, [14, 26, 52], False),
+        (True, 0.1, [14, 26, 52, 102], False),  # nothing tells
     ],
 )
 def test_pieces_around_gaps_grow_until_one_way_agrees_better(
@@ -105,6 +105,33 @@ def test_pieces_around_gaps_grow_until_one_way_agrees_better(
     (one,), (before,) = found.fit, held.fit
     if noise == 0.1:
         np.testing.assert_array_equal(one.unsure, moved(before, 3).control - before.control)
+
+
+def test_a_run_that_says_for_itself_what_its_controls_did_is_heard(model) -> None:
+    """A chirp that went on beside a staircase that stood still; a run that says nothing is as the others are."""
+    (on, _), (_, still) = (recordings(model, goes_on) for goes_on in (True, False))
+    held = make_machine(model, [on], [still])
+    found = as_the_machine_moved(held, 1)
+    assert moves_between(held, found)
+    np.testing.assert_array_equal(found.holdout[0].control, held.holdout[0].control)
+    (silent,) = (one for one in recordings(model, False, noise=0.1) if one.label == "run1")
+    held = make_machine(model, [on], [silent])
+    found = as_the_machine_moved(held, 1)
+    np.testing.assert_array_equal(found.holdout[0].control, moved(held.holdout[0], 3).control)
+    held = make_machine(model, [still], [silent])
+    found = as_the_machine_moved(held, 1)
+    np.testing.assert_array_equal(found.holdout[0].control, held.holdout[0].control)
+    assert found.notes == held.notes
+
+
+def test_longer_pieces_are_looked_at_where_nothing_else_is_missing(model, monkeypatch) -> None:
+    first, second = recordings(model, True, noise=1e-2)
+    held, seen, lay = make_machine(model, [first], [second]), [], module.lay
+    monkeypatch.setattr(module, "lay", lambda runs, pieces: seen.append(lay(runs, pieces)) or seen[-1])
+    for quiet, longest in ((1.5, 102), (0.1, 26)):
+        monkeypatch.setattr(module, "_QUIET", quiet)
+        as_the_machine_moved(held, 1)
+        assert seen[-1].intervals == longest
 
 
 @pytest.mark.parametrize(("seconds", "begins"), [(0.03, [14, 34, 54]), (0.12, [8, 48])])
