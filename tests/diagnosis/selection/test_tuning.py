@@ -238,3 +238,34 @@ def test_where_a_spring_rests_is_no_correction_of_its_own(bench, monkeypatch, to
     assert seen == ([[rotor], [spring, push]] if tuned else [])
     assert is_a_tuning(bench.shooting, selection, [push], [spring]) is tuned  # nothing else was tuned
     assert is_a_tuning(bench.shooting, selection, [rotor, push], [bench.effect("viscous_friction")])
+
+
+@pytest.mark.parametrize(
+    ("left", "count", "behind", "tuned"),
+    [(1.0, 3, 120.0, True), (1.2, 3, 120.0, False), (1.0, 2, 120.0, False), (1.0, 3, 90.0, False)],
+)
+def test_corrections_that_fit_clearly_better_than_names_undo_a_tuning(
+    bench, monkeypatch, left: float, count: int, behind: float, tuned: bool
+) -> None:
+    """Down to the noise, and three of them at least; a set of many corrections is none of names."""
+    monkeypatch.setattr("torch_activegp.diagnosis.selection.tuning.only_undoes", lambda *_: False)
+    monkeypatch.setattr("torch_activegp.diagnosis.selection.tuning.fitted", lambda *_: bench.nominal)
+    monkeypatch.setattr("torch_activegp.diagnosis.selection.tuning._was_not_tuned", lambda *_: False)
+    drag, spring = bench.effect("quadratic_drag"), bench.effect("linear_spring")
+    wet, rotor = bench.effect("viscous_friction"), bench.effect("armature_error")
+    gain = bench.effect("actuator_gain", "actuator:drive")
+    corrections = [wet, rotor, gain][:count]
+    chi2 = left * bench.shooting.dof
+
+    def fit(effects, above: float = 0.0):
+        values = tuple(np.zeros(len(effect.parameters)) for effect in effects)
+        return dataclasses.replace(bench.nominal, effects=tuple(effects), values=values, chi2=chi2 + above)
+
+    best, names = fit([drag, *corrections]), fit([drag, spring], behind)
+    dearer = fit([drag, spring, *corrections], 1.0)
+    score = Score(bench.shooting.samples, 5, 1.0, free=frozenset(effect.key for effect in corrections))
+    selection = Selection(fit([], 1e6), [fit([], 1e6), best, names, dearer], score)
+    assert selection.best is best
+    assert is_a_tuning(bench.shooting, selection, corrections, [drag]) is tuned
+    selection.fits = [*selection.fits[:2], fit([spring], 500.0)]  # as few names
+    assert not is_a_tuning(bench.shooting, selection, corrections, [drag])
