@@ -4,10 +4,11 @@ import dataclasses
 
 import numpy as np
 
+from torch_activegp.diagnosis.inputs.steep_filter import SteepFilter
 from torch_activegp.diagnosis.selection.behind_noise import (
+    BEHIND_A_FILTER,
     BEHIND_A_FLOOR,
     BEHIND_COLOUR,
-    BEHIND_THINNED_ROWS,
     least_gain,
 )
 
@@ -26,8 +27,10 @@ def test_what_names_leave_may_be_the_colour_of_noise_or_a_floor_that_is_low(benc
     assert least(segments=dataclasses.replace(slow, runs=videos)) == np.inf
     coloured = dataclasses.replace(shooting.noise, colour=np.ones_like(shooting.noise.colour))
     assert least(far, noise=coloured) == BEHIND_COLOUR
-    every_other = tuple(dataclasses.replace(run, left_out=np.arange(len(run)) % 2 == 1) for run in segments.runs)
-    thinned = dataclasses.replace(segments, runs=every_other)
-    assert least(segments=thinned) == least(far, segments=thinned) == BEHIND_THINNED_ROWS
+    behind = tuple(dataclasses.replace(run, filters=(SteepFilter(0.3, 1e-3),)) for run in segments.runs)
+    filtered = dataclasses.replace(segments, runs=behind)
+    assert least(segments=filtered) == least(far, segments=filtered) == BEHIND_A_FILTER
+    unfiltered = tuple(dataclasses.replace(run, filters=(None,)) for run in segments.runs)
+    assert least(segments=dataclasses.replace(segments, runs=unfiltered)) == BEHIND_A_FLOOR
     lost = tuple(dataclasses.replace(run, recorded=np.arange(len(run)) % 2 == 0) for run in segments.runs)
     assert least(segments=dataclasses.replace(segments, runs=lost)) == BEHIND_A_FLOOR

@@ -14,14 +14,12 @@ floor none scored better, and a mass by 53 where a clock jittered; a spring that
 BEHIND_A_FLOOR = 250.0
 """The same behind white noise. In 170 controls names scored better by 42 at most; a gain that was missing on a machine
 that strikes scored 563, and left 3 % more than the floor."""
-BEHIND_THINNED_ROWS = 1000.0
-"""The same in the rows that are left of a filtered recording: in a control a backlash gained 176 there, and a centre of
+BEHIND_A_FILTER = 1000.0
+"""The same in the rows that count of a filtered recording: in a control a backlash gained 176 there, and a centre of
 mass 308 in place of an encoder's offset; a spring that was missing on an arm 1920, a damping on a cart 1418, with 9 %
 more left than the floor: rows behind a filter are not quite independent."""
 _A_LOW_FLOOR = 1.05
 """Times the noise that names leave at most where its floor may be too low."""
-_THINNED = 0.6
-"""Part of the recorded rows that counts below which a recording is one of which a filter left some."""
 
 
 def least_gain(shooting: Shooting, best: Fit) -> float:
@@ -42,6 +40,6 @@ def least_gain(shooting: Shooting, best: Fit) -> float:
         return np.inf
     if shooting.noise.colour.any() or shooting.hides_colour:
         return BEHIND_COLOUR
-    if min(float(run.counted.sum() / run.recorded.sum()) for run in runs) < _THINNED:
-        return BEHIND_THINNED_ROWS
+    if any(one is not None for run in runs for one in run.filters or ()):
+        return BEHIND_A_FILTER
     return BEHIND_A_FLOOR if best.chi2 < _A_LOW_FLOOR * shooting.dof else np.inf

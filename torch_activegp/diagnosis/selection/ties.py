@@ -31,9 +31,9 @@ _SURE = 100.0
 """Wald's statistic of an amplitude from which on a simple law is told from those that contain it: a level ten standard
 errors from nothing shows whether the other direction has half of it. Of 23 viscous and dry frictions that were named in
 the proof two were less sure (5.5 and 6.7 standard errors), and neither was the law that was missing."""
-_OTHER = 0.5
-"""Part of a simple law's amplitude by which a law that contains it is another one. None of four right frictions in the
-proof has such a tie, and a Stribeck friction that passed for Coulomb's."""
+_OTHER = 0.45
+"""Part of a simple law's amplitude, nearly half, by which a law that contains it is another one. None of four right
+frictions in the proof has such a tie, and a Stribeck friction that passed for Coulomb's."""
 
 Rivals = Sequence[tuple[Fit, float, float]]
 """Compared sets, best first, with their scores less the best one's and their probabilities."""
@@ -153,7 +153,7 @@ def as_part(
         old, law = in_place(best, fit, beside) or (None, effect)
         if old is not effect or not contains(law, effect) or fit.chi2 - best.chi2 > TIE * selection.score.scale:
             continue
-        if weak or abs(fit.by_effect[law] - of_part(law, level))[: law.linear].max() >= _OTHER * abs(level):
+        if weak or abs(fit.by_effect[law] - of_part(law, level))[: law.linear].max() > _OTHER * abs(level):
             found[law.key] = None
     return tuple(found)
 
