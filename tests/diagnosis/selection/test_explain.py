@@ -63,6 +63,16 @@ def test_what_may_be_of_a_step_is_asked_of_what_comes_first_in_the_end(bench, mo
     assert found.selection.of_a_step == frozenset(best.effects) != frozenset()
 
 
+def test_a_static_friction_is_looked_for_before_the_last_fits_and_beside_them(bench, monkeypatch) -> None:
+    """A better law is to be polished; and fits that are held beside the best ones are forgotten by their own errors."""
+    order = []
+    for name in ("try_static_friction", "polish", "by_their_own_errors"):
+        found = getattr(module, name)
+        monkeypatch.setattr(module, name, lambda *a, of=found, name=name: order.append(name) or of(*a))
+    explain(bench.machine, bench.effects, 1)
+    assert order == ["try_static_friction", "polish", "by_their_own_errors", "try_static_friction"]
+
+
 def test_friction_is_found_with_the_level_of_the_noise(bench) -> None:
     stages: list[str] = []
     found = explain(bench.machine, some(bench), 1, stages.append)

@@ -42,10 +42,10 @@ def test_a_friction_of_two_levels_may_be_one_level_and_a_push(bench) -> None:
 @pytest.mark.parametrize(
     ("sure", "worse", "back", "tied"),
     [
-        (9.0, 5.0, 0.06, True),
-        (11.0, 5.0, 0.06, False),
-        (11.0, 5.0, 0.08, True),  # and differs by half
-        (9.0, 7.0, 0.08, False),
+        (9.0, 11.0, 0.06, True),
+        (11.0, 11.0, 0.06, False),
+        (11.0, 11.0, 0.08, True),  # and differs by half
+        (9.0, 13.0, 0.08, False),
     ],
 )
 def test_a_law_is_not_told_from_those_that_contain_it_where_it_is_weak_or_these_differ_and_fit(

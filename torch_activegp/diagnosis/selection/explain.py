@@ -229,6 +229,7 @@ def _finish(
         polish(shooting, selection, effects)
         shooting = by_their_own_errors(shooting, engine, selection)
         selection = with_one_law(shooting, selection, effects)
+        try_static_friction(shooting, selection, effects)  # once more: fits beside the best ones were forgotten
         held = of_held_forces(numerics, engine, shooting, selection)
         selection.of_a_step = held | of_a_step(numerics, engine, shooting, selection)  # of what came first in the end
     return Explanation(engine, shooting, selection, tuple(effects), numerics.given, numerics.sticks(engine))

@@ -35,6 +35,11 @@ _OTHER = 0.45
 """Part of a simple law's amplitude, nearly half, by which a law that contains it is another one. None of four right
 frictions in the proof has such a tie, and a Stribeck friction that passed for Coulomb's."""
 
+_NO_WORSE = 12.0
+"""Chi2, in units of what is left, by which a law that contains a simple one may leave more and be there as well. Where
+its numbers are held (:mod:`~torch_activegp.diagnosis.selection.static_friction`) the level is not fitted anew: 8 more
+were left so where Stribeck's friction was there, and 32 to 2500 where Coulomb's was."""
+
 Rivals = Sequence[tuple[Fit, float, float]]
 """Compared sets, best first, with their scores less the best one's and their probabilities."""
 Keys = frozenset[tuple[str, str]]
@@ -151,7 +156,7 @@ def as_part(
     level, weak = float(best.by_effect[effect][0]), certainty(shooting, best, effect) < _SURE
     for fit in (fit for fit in selection.fits if fit.plausible and not fit.at_rest):
         old, law = in_place(best, fit, beside) or (None, effect)
-        if old is not effect or not contains(law, effect) or fit.chi2 - best.chi2 > TIE * selection.score.scale:
+        if old is not effect or not contains(law, effect) or fit.chi2 - best.chi2 > _NO_WORSE * selection.score.scale:
             continue
         if weak or abs(fit.by_effect[law] - of_part(law, level))[: law.linear].max() > _OTHER * abs(level):
             found[law.key] = None
