@@ -69,9 +69,12 @@ def test_a_name_must_score_better_than_none_by_far(bench, monkeypatch, gained: f
     assert judged.rivals[0][0] is weak
 
 
-@pytest.mark.parametrize(("gained", "names"), [(49.0, 1), (51.0, 2), (None, 2)])
-def test_each_of_several_names_is_needed_by_far(bench, monkeypatch, gained, names: int) -> None:
-    """Where the set without it was fitted; what is not needed is fitted along."""
+@pytest.mark.parametrize(
+    ("gained", "part", "names"), [(49.0, 0.0, 1), (51.0, 0.0, 2), (None, 0.0, 2), (51.0, 0.3, 1), (130.0, 0.3, 2)]
+)
+def test_each_of_several_names_is_needed_by_far(bench, monkeypatch, gained, part: float, names: int) -> None:
+    """Where the set without it was fitted, and of the noise too; what is not needed is fitted along."""
+    monkeypatch.setattr(module, "BESIDE", part)
     monkeypatch.setattr(module, "is_certain", lambda *_, **__: True)
     monkeypatch.setattr(module, "_split", lambda *_: (effects, ()))
     monkeypatch.setattr(module, "_shares", lambda shooting, selection, named, _: (tuple(named), (0.9, 0.1)))

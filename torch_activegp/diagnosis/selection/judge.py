@@ -50,6 +50,9 @@ NEEDED = 50.0
 """Chi2, in units of the noise that is left, that each of several names must take away. On 200 cases right ones took 75
 at least beside others; a cogging behind a stop 34, and so did a push, a spring and another gravity in its place, a
 damping that was 0.03 % too large 28."""
+BESIDE = 0.03
+"""Part of the noise that each of several names must take away. Of 154 right ones none took less than 0.13; a load of
+0.016 % of a table, where drag was missing, 0.014, and gravity that stood for an encoder's offset 0.05."""
 SURE = 1e-5
 DOUBT, _MAYBE = 0.01, 0.1
 VISIBLE = 0.3
@@ -132,7 +135,7 @@ def judge(shooting: Shooting, selection: Selection) -> Judgement:
         return _nameless(shooting, nominal, before, rivals)  # other initial states gained what it seemed to
     kept = certain or kept[:1]
     model, values = shooting.engine.model, best.by_effect
-    kept = [i for i in kept if _is_needed(selection, order[i])] or kept
+    kept = [i for i in kept if _is_needed(shooting, selection, order[i])] or kept
     own = [order[i] in selection.of_a_step or is_own_limit(model, order[i], values) for i in kept]
     kept = [i for i, is_own in zip(kept, own, strict=True) if not is_own] or kept
     retuned = (*tuned, *(effect for i, effect in enumerate(order) if i not in kept))
@@ -246,11 +249,11 @@ def _shares(
     return tuple(order), tuple(shares)
 
 
-def _is_needed(selection: Selection, effect: Effect) -> bool:
+def _is_needed(shooting: Shooting, selection: Selection, effect: Effect) -> bool:
     """Whether the best set leaves far less than without one of its effects, where that was fitted."""
     best = selection.best
     rest = selection.of([other for other in best.effects if other is not effect])
-    return rest is None or rest.chi2 - best.chi2 >= NEEDED * selection.score.scale
+    return rest is None or rest.chi2 - best.chi2 >= max(NEEDED * selection.score.scale, BESIDE * shooting.dof)
 
 
 def _probability(rivals: Rivals, effect: Effect) -> float:
