@@ -269,3 +269,15 @@ def test_corrections_that_fit_clearly_better_than_names_undo_a_tuning(
     assert is_a_tuning(bench.shooting, selection, corrections, [drag]) is tuned
     selection.fits = [*selection.fits[:2], fit([spring], 500.0)]  # as few names
     assert not is_a_tuning(bench.shooting, selection, corrections, [drag])
+
+
+@pytest.mark.parametrize("count", [3, 4])
+def test_of_many_corrections_that_fit_clearly_better_than_names_one_may_gain_much_alone(
+    bench, monkeypatch, count: int
+) -> None:
+    monkeypatch.setattr("torch_activegp.diagnosis.selection.tuning._was_not_tuned", lambda *_: True)
+    monkeypatch.setattr("torch_activegp.diagnosis.selection.tuning._is_better_than_names", lambda *_: True)
+    rotor, drag = bench.effect("armature_error"), bench.effect("quadratic_drag")
+    best = dataclasses.replace(bench.fit("armature_error", 0.0), chi2=bench.shooting.dof)
+    selection = Selection(bench.nominal, [bench.nominal, best], Score(bench.shooting.samples, 60, 1.0))
+    assert is_a_tuning(bench.shooting, selection, [rotor] * count, [drag], needed=True) is (count == 4)
