@@ -13,6 +13,7 @@ from torch_activegp.diagnosis.selection.static_friction import try_static_fricti
 from torch_activegp.diagnosis.selection.ties import as_part
 from torch_activegp.diagnosis.shooting.score import Score
 from torch_activegp.diagnosis.simulation.candidate import Candidate
+from torch_activegp.physics.soft_friction import SOFT
 
 LEVEL = 0.3
 
@@ -46,6 +47,15 @@ def test_a_static_friction_that_shows_is_found_from_where_it_usually_is(bench) -
     assert selection.best.effects == (law,)
     assert selection.best.chi2 < 0.5 * selection.of([dry]).chi2
     np.testing.assert_allclose(selection.best.values[0][:2], usual[:2], rtol=0.05)
+
+
+def test_a_friction_that_the_model_softens_is_compared_with_the_firm_law(bench) -> None:
+    shooting, selection, dry = compared(bench, bench.effect("coulomb_friction"), [LEVEL], 2e-2)
+    (soft,) = (e for e in bench.effects if e.key == dry.key and e.variant == SOFT)
+    found = dataclasses.replace(selection.best, effects=(soft,))
+    selection.fits = [selection.nominal, found]
+    try_static_friction(shooting, selection, bench.effects)
+    assert [fit.effects[0].name for fit in selection.fits[2:]][:2] == ["stribeck_friction"] * 2
 
 
 def test_nothing_is_tried_beside_other_names_or_at_rest(bench) -> None:

@@ -41,8 +41,9 @@ _TOLD = 3
 def doubt_rows(explanation: Explanation) -> list[str]:
     """Says that the controls seem to be a row late, where a row earlier they leave half of what is left otherwise.
 
-    Or half of what the nominal leaves, with no name and less than the best names do. Many loggers write the command
-    that led to a position in its row, and a control holds from its row on.
+    Or half of what the nominal leaves, with no name and less than the best names do; and little at all, or next to
+    nothing of what it leaves. Many loggers write the command that led to a position in its row, and a control holds
+    from its row on. Commands that were logged before a limiter left a third so, and 1e5 times the noise.
 
     Args:
         explanation: what was found, and how.
@@ -60,7 +61,8 @@ def doubt_rows(explanation: Explanation) -> list[str]:
         named = some.fit([(best.effects, best.values)], best.starts)[0] if best.effects else nameless
         before, after = best.chi2 / some.dof, min(nameless.chi2, named.chi2) / some.dof
         as_well = nameless.chi2 < min(best.chi2, _BETTER * nominal.chi2)
-        if not (after < _BETTER * before or as_well):
+        little = after < max(MUCH_LEFT, _INTERCHANGED * nominal.chi2 / some.dof)
+        if not ((after < _BETTER * before or as_well) and little):
             return []
     columns = [f"ctrl.{name}" for name in names]
     told = ", ".join([*columns[:_TOLD], *(["..."] if len(columns) > _TOLD else [])])

@@ -33,6 +33,8 @@ _ROUNDS = 6
 _FAILED = 1e9
 _BETTER = 10.0
 """Chi2 by which one way must agree better than the other: else a recording says that controls are held."""
+_LEANS = 2.0
+"""The same by which a run leans to one."""
 
 
 def with_missing_controls(
@@ -60,8 +62,7 @@ def with_missing_controls(
     """
     degree, held = _degree(runs), [*runs, *others]
     moving = [moved(run, degree) for run in held]
-    each = _better(moving, held, len(runs), engines, noise, candidate)
-    together = float(each[: len(runs)].sum())
+    each, together = _better(moving, held, len(runs), engines, noise, candidate)
     ways = zip(held, moving, np.where(np.abs(each) > _BETTER, each, together), strict=True)
     found = [run if better < -_BETTER else on if better > _BETTER else _doubted(run, on) for run, on, better in ways]
     pairs = zip(held, found, strict=True)
@@ -82,12 +83,15 @@ def _better(
     engines: Sequence[Engine],
     noise: NoiseModel,
     candidate: Candidate,
-) -> Array:
-    """Chi2 by which controls that go on agree better than held ones, ``(R,)``, in the briefest pieces that tell.
+) -> tuple[Array, float]:
+    """Chi2 by which controls that go on agree better than held ones in the briefest pieces that tell.
 
-    Which is told by the first `count` runs together.
+    Longer ones are looked at for a run that leans the other way than all together.
+
+    Returns:
+        Of each run, ``(R,)``, and of the first `count` together.
     """
-    better, known = np.zeros(len(held)), None
+    each, together, known = np.zeros(len(held)), 0.0, None
     for seconds in _SECONDS:
         pieces = _around_gaps(held, seconds)
         if not pieces or pieces == known:
@@ -97,11 +101,13 @@ def _better(
             min((_left(some, form, noise, candidate) for form in engines), key=lambda left: float(left[:count].sum()))
             for some in segments
         )
-        better = still - on
+        each = np.where(np.abs(each) > _BETTER, each, still - on)
+        together = together if abs(together) > _BETTER else float((still - on)[:count].sum())
         loud = min(on.sum(), still.sum()) > np.log1p(_QUIET) * segments[0].samples.sum()
-        if abs(better[:count].sum()) > _BETTER or (seconds >= _IF_QUIET and loud):
+        leans = (np.abs(each) < _BETTER) & (np.sign(together) * each < -_LEANS)
+        if (abs(together) > _BETTER and not leans.any()) or (seconds >= _IF_QUIET and loud):
             break
-    return better
+    return each, together
 
 
 def _doubted(held: Run, moving: Run) -> Run:

@@ -38,11 +38,16 @@ def try_static_friction(shooting: Shooting, selection: Selection, effects: Seque
 
 def _with_static_friction(pairs: Sequence[tuple[Effect, Array]], effects: Sequence[Effect]) -> list[Set]:
     """A set with Stribeck's law, at values that are usual, in place of each Coulomb friction in turn."""
-    laws = [law for law in effects if isinstance(law, StribeckFriction)]
     return [
         paired([*(pair for pair in pairs if pair[0] is not effect), (law, usual)])
         for effect, values in pairs
-        for law in laws
-        if contains(law, effect) and law.variant == effect.variant
+        if (law := _stribeck(effect, effects)) is not None
         for usual in law.usual(float(values[0]))
     ]
+
+
+def _stribeck(effect: Effect, effects: Sequence[Effect]) -> StribeckFriction | None:
+    """Stribeck's law in the form of a Coulomb friction, or the firm one; None for what is no Coulomb friction."""
+    laws = [law for law in effects if isinstance(law, StribeckFriction) and contains(law, effect)]
+    alike = (law for form in (effect.variant, "") for law in laws if law.variant == form)
+    return next(alike, None)
