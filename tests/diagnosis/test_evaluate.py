@@ -82,6 +82,14 @@ def test_what_was_decided_about_the_recordings_is_noted(record: Record) -> None:
     )
 
 
+def test_a_piece_too_short_to_be_forecast_does_not_count(record: Record) -> None:
+    whole, other = record("none", 3, "a"), record("none", 4, "b")
+    scrap = Recording.from_columns("b", {name: other[name][:30] for name in ("time", "qpos.hip", "ctrl.drive")})
+    found = evaluate(model_text(), [whole, scrap], nthread=1)
+    assert [entry["run"] for entry in found["runs"]] == ["a"]
+    assert any("less than 0.6 s: not forecast" in note for note in found["notes"])
+
+
 def test_no_recording_is_refused() -> None:
     with pytest.raises(DataError, match="at least one"):
         evaluate(model_text(), [])

@@ -10,7 +10,7 @@ from threadpoolctl import threadpool_limits
 from torch_activegp.data import Recording
 from torch_activegp.diagnosis.findings.forecast import compare
 from torch_activegp.diagnosis.inputs.blackbox import check_clock
-from torch_activegp.diagnosis.inputs.machine import check_given, lay_over
+from torch_activegp.diagnosis.inputs.machine import check_given, lay_over, that_can_be_forecast
 from torch_activegp.diagnosis.inputs.runs import Channels, median_step
 from torch_activegp.diagnosis.inputs.source import Source, read_source
 from torch_activegp.diagnosis.inputs.wrong_columns import doubt_columns
@@ -66,6 +66,7 @@ def evaluate(model: object, recordings: Sequence[Recording], nthread: int = 0) -
         engine = BlackBoxEngine(source.box, channels, check_clock(source.box, runs))
     noise = noise_floor(runs)
     runs, _, controls = with_missing_controls(runs, (), [engine], noise, candidate)
+    runs, short = that_can_be_forecast(runs)
     errors, _ = compare({"error": (engine, candidate)}, runs, channels.joints, noise)
     told = {key: errors[key] for key in ("runs", "one_step", "free_run")}
-    return {**told, "notes": list(dict.fromkeys([*notes, *doubts, *controls]))}
+    return {**told, "notes": list(dict.fromkeys([*notes, *doubts, *controls, *short]))}

@@ -139,3 +139,22 @@ def test_what_is_so_of_several_recordings_is_said_once(bench, record) -> None:
     runs = [dataclasses.replace(record(name=name), notes=(left_out,)) for name in "abc"]
     runs[1] = dataclasses.replace(runs[1], notes=(left_out, gap))
     assert recording_notes(bench.machine.model, runs) == [f"a and 2 more: {left_out}", f"b: {gap}"]
+
+
+@pytest.mark.parametrize(("lengths", "kept", "said"), [
+    ((201, 30), [201], "A piece of a run to forecast lasts less than 0.6 s"),
+    ((201, 30, 40), [201], "2 pieces of runs to forecast last less than 0.6 s"),
+    ((30, 40), [30, 40], ""),
+    ((201, 100), [201, 100], ""),
+])  # fmt: skip
+def test_held_out_pieces_that_are_too_short_to_be_forecast_are_left_out(record, model, lengths, kept, said) -> None:
+    """Where others can be."""
+    shown = []
+    for number, rows in enumerate(lengths):
+        whole = record("none", number)
+        columns = {name: whole[name].numpy()[:rows] for name in ("time", "qpos.hip", "ctrl.drive")}
+        shown.append(Recording.from_columns(f"kept{number}", columns))
+    machine = make_machine(model, [record("none", 5)], shown)
+    assert [len(run) for run in machine.holdout] == kept
+    notes = [note for note in machine.notes if "less than 0.6 s" in note]
+    assert [note.partition(":")[0] for note in notes] == ([said] if said else [])
