@@ -53,6 +53,14 @@ def test_controls_that_are_a_row_late_are_said_to_be(clean, rows: int, driven: b
         assert "a row late" in found[0]
 
 
+def test_rows_are_not_doubted_where_a_row_earlier_leaves_much_too(clean, monkeypatch) -> None:
+    found = explained(clean, 1)
+    monkeypatch.setattr(module, "MUCH_LEFT", 0.1)
+    for better, said in ((1.0, True), (1e-9, False)):
+        monkeypatch.setattr(module, "_MUCH_BETTER", better)
+        assert bool(doubt_rows(found)) is said
+
+
 def test_all_segments_are_fitted_only_where_a_part_of_them_says_so(clean, monkeypatch) -> None:
     sizes: list[int] = []
     fit = Shooting.fit

@@ -20,10 +20,10 @@ from torch_activegp.diagnosis.simulation.candidate import NOMINAL
 
 Change = TypeVar("Change")
 
-_BETTER = 0.5
-"""Part of what is left otherwise that controls a row earlier may leave to be doubted: a machine does not act before it
-is told to, so nothing on the list looks like that. On an arm of two joints a row earlier left 6 for 48 times the
-noise."""
+_BETTER, _MUCH_BETTER = 0.5, 0.1
+"""Parts of what is left otherwise that controls a row earlier may leave to be doubted, where that is little and where
+it is much: a machine does not act before it is told to, so nothing on the list looks like that. On an arm of two joints
+a row earlier left 6 for 48 times the noise. Commands that were logged before a limiter left 1e5 for 4e5."""
 _TURNED, _INTERCHANGED = 0.2, 0.02
 """Parts of what the nominal leaves that it may leave with a control turned, or two interchanged, for a doubt of them.
 Two controls with two signs can be interchanged in more ways than one is turned: joints of which one was recorded with
@@ -41,9 +41,8 @@ _TOLD = 3
 def doubt_rows(explanation: Explanation) -> list[str]:
     """Says that the controls seem to be a row late, where a row earlier they leave half of what is left otherwise.
 
-    Or half of what the nominal leaves, with no name and less than the best names do; and little at all, or next to
-    nothing of what it leaves. Many loggers write the command that led to a position in its row, and a control holds
-    from its row on. Commands that were logged before a limiter left a third so, and 1e5 times the noise.
+    Or half of what the nominal leaves, with no name and less than the best names do; a tenth where that is much. Many
+    loggers write the command that led to a position in its row, and a control holds from its row on.
 
     Args:
         explanation: what was found, and how.
@@ -61,8 +60,7 @@ def doubt_rows(explanation: Explanation) -> list[str]:
         named = some.fit([(best.effects, best.values)], best.starts)[0] if best.effects else nameless
         before, after = best.chi2 / some.dof, min(nameless.chi2, named.chi2) / some.dof
         as_well = nameless.chi2 < min(best.chi2, _BETTER * nominal.chi2)
-        little = after < max(MUCH_LEFT, _INTERCHANGED * nominal.chi2 / some.dof)
-        if not ((after < _BETTER * before or as_well) and little):
+        if not (after < _BETTER * before or as_well) or after > max(MUCH_LEFT, _MUCH_BETTER * before):
             return []
     columns = [f"ctrl.{name}" for name in names]
     told = ", ".join([*columns[:_TOLD], *(["..."] if len(columns) > _TOLD else [])])
