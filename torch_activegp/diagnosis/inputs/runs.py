@@ -11,6 +11,7 @@ import torch
 from numpy.typing import NDArray
 
 from torch_activegp.data import Recording, noise_std, unwrap_angles
+from torch_activegp.diagnosis.inputs.control_limits import clipped_controls
 from torch_activegp.diagnosis.inputs.coupling import coupling
 from torch_activegp.diagnosis.inputs.glitches import bridged, glitches, in_words
 from torch_activegp.diagnosis.inputs.smoothing import follow, smooth
@@ -230,12 +231,6 @@ def input_addresses(model: mujoco.MjModel) -> dict[str, int]:
     """The first control of every actuator that has one."""
     fed = np.flatnonzero(model.actuator_ctrlnum > 0)
     return {actuator_name(model, i): int(model.actuator_ctrladr[i]) for i in fed}
-
-
-def clipped_controls(model: mujoco.MjModel) -> NDArray[np.bool_]:
-    """Which controls are held within their limits, ``(nu,)``: none where the model's ``clampctrl`` flag is off."""
-    clamped = not model.opt.disableflags & int(mujoco.mjtDisableBit.mjDSBL_CLAMPCTRL)
-    return clamped & model.actuator_ctrllimited[: model.nu].astype(bool)
 
 
 def _dof(model: mujoco.MjModel, label: str, column: str) -> int:

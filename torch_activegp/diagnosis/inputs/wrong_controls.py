@@ -8,7 +8,8 @@ import mujoco
 import numpy as np
 
 from torch_activegp.data import Recording
-from torch_activegp.diagnosis.inputs.runs import Array, Channels, Run, clipped_controls, input_addresses
+from torch_activegp.diagnosis.inputs.control_limits import clipped_controls
+from torch_activegp.diagnosis.inputs.runs import Array, Channels, Run, input_addresses
 from torch_activegp.diagnosis.inputs.wrong_units import Motion, balance
 
 _UNITS = (-3, -2, 2, 3)
