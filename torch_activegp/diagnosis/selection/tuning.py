@@ -150,12 +150,13 @@ def is_a_tuning(
     if 0 < len(rests) < len(tunable):
         tunable, others = [effect for effect in tunable if effect not in rests], [*others, *rests]
     many, quiet = len(tunable) >= _MANY, selection.best.chi2 < NOISE_ALONE * shooting.dof
-    clearly, better = needed and many and quiet, quiet and _is_better_than_names(selection, len(others))
+    clearly = needed and many and quiet
+    better = quiet and len(tunable) >= _FEW and _is_better_than_names(selection, len(others))
     if many and better:
         return True
     if (len(tunable) <= _FEW or clearly) and _was_not_tuned(shooting, selection, tunable):
         return False
-    if clearly or (better and len(tunable) >= _FEW):
+    if clearly or better:
         return True
     alone, without = (fitted(shooting, selection, some) for some in (tunable, others))
     return only_undoes(selection.nominal, alone, without, selection.best, needed)
