@@ -124,6 +124,15 @@ def test_a_run_that_says_for_itself_what_its_controls_did_is_heard(model) -> Non
     assert found.notes == held.notes
 
 
+def test_longer_pieces_are_looked_at_for_a_run_that_leans_the_other_way(model, monkeypatch) -> None:
+    (on, _), (_, still) = recordings(model, True), recordings(model, False, noise=1e-3)
+    held = make_machine(model, [on], [still])
+    for leans, heard in ((2.0, True), (np.inf, False)):
+        monkeypatch.setattr(module, "_LEANS", leans)
+        control = as_the_machine_moved(held, 1).holdout[0].control
+        assert bool((control == held.holdout[0].control).all()) is heard
+
+
 def test_longer_pieces_are_looked_at_where_nothing_else_is_missing(model, monkeypatch) -> None:
     first, second = recordings(model, True, noise=1e-2)
     held, seen, lay = make_machine(model, [first], [second]), [], module.lay
