@@ -71,6 +71,16 @@ def test_a_command_that_was_logged_after_it_acted_moves_up_within_its_run() -> N
     assert alone["ctrl.motor"].tolist() == [2.0, 3.0, 4.0, 5.0, 6.0, 6.0]
 
 
+def test_a_command_that_changes_evenly_holds_its_mean_to_the_next_row_of_its_run() -> None:
+    raw = pd.DataFrame({"time": np.arange(6.0), "run": list("aaabbc"), "u": [1.0, 2.0, 4.0, 5.0, 9.0, 6.0]})
+    for late, means in ((0, [1.5, 3.0, 4.0, 7.0, 9.0, 6.0]), (1, None)):
+        rule = {"column": "u", "hold_order": 1, "rows_late": late}
+        columns = ColumnMap.from_mapping({"ctrl": {"motor": rule}, "qfrc": {"slide": {"column": "u"}}})
+        found = columns.apply(raw if means else raw[:3], "a.csv")
+        assert found["ctrl.motor"].tolist() == (means or [3.0, 4.0, 4.0])
+        assert found["qfrc.slide"].tolist() == raw["u"].tolist()[: len(found)]
+
+
 def test_a_map_says_which_joints_are_prescribed() -> None:
     """Such a map is one: it leaves columns out."""
     columns = ColumnMap.from_mapping({"prescribed": ["slide"]})
@@ -136,6 +146,11 @@ def test_numbers_name_runs(run: list, names: list[str]) -> None:
         ),
         ({"prescribed": [1]}, "`prescribed` wants names of joints"),
         ({"ctrl": {"a": {"rows_late": -1}}}, "`rows_late` of `ctrl.a` is -1: 0 rows or more wanted"),
+        (
+            {"ctrl": {"a": {"hold_order": 2}}},
+            "`hold_order` of `ctrl.a` is 2: 0 or 1 wanted, of a column of ctrl or qfrc",
+        ),
+        ({"qpos": {"a": {"hold_order": 0}}}, "`hold_order` of `qpos.a` is 0: .* of a column of ctrl or qfrc"),
         ({"ctrl": {"a": {"rows_late": 0.5}}}, "`rows_late` of `ctrl.a` is 0.5: int wanted"),
         ({"qpos": {"a": {"rows_late": 1}}}, "`rows_late` of `qpos.a` is 1: .* of a column of ctrl or qfrc"),
         ({"video": "yes"}, "map.toml: `video` wants true or false, found 'yes'"),

@@ -23,6 +23,9 @@ A TOML file with one line for each canonical column. The value is the file's own
 ``offset``          added last, in SI units
 ``rows_late``       of controls and forces: by how many rows the file has them too late; 1 where a row holds the command
                     that led to its position. They are moved up by so many; the last one is held
+``hold_order``      of controls and forces: 0, the default, where a value holds from its row until the next (zero-order
+                    hold); 1 where it changes evenly to the next row's (first-order hold), as samples of a continuous
+                    command do. Then the mean of the two is held, which moves the machine as far to second order
 ==================  ================================================================================================
 
 The value is ``sign * scale * unit * raw + offset``. Columns of the file that already have canonical names are taken as
@@ -35,6 +38,7 @@ from __future__ import annotations
 import dataclasses
 import difflib
 import re
+import sys
 import tomllib
 from collections.abc import Mapping, Sequence
 from pathlib import Path
@@ -52,12 +56,13 @@ _COMMA = re.compile(r"[+-]?\d+,\d+")
 
 @dataclasses.dataclass(frozen=True)
 class ColumnRule:
-    """One line of a column map: where a column comes from, ``factor * raw + offset`` to SI, rows that it is late by."""
+    """One line of a column map: where a column comes from, ``factor * raw + offset`` to SI, and when it acts."""
 
     column: str
     factor: float = 1.0
     offset: float = 0.0
     rows_late: int = 0
+    hold_order: int = 0
 
 
 _SETTINGS: dict[str, tuple[type, ...]] = {
@@ -68,9 +73,12 @@ _SETTINGS: dict[str, tuple[type, ...]] = {
     "scale": (int, float),
     "offset": (int, float),
     "rows_late": (int,),
+    "hold_order": (int,),
 }
 _HELD = ("ctrl", "qfrc")
-"""Kinds of column that hold from row to row, and may be late by some."""
+"""Kinds of column that act from row to row, and may be late by some."""
+_IN_TIME = {"rows_late": (range(sys.maxsize), "0 rows or more"), "hold_order": (range(2), "0 or 1")}
+"""Settings of these alone: what they may be."""
 
 
 class ColumnMap:
@@ -157,6 +165,8 @@ class ColumnMap:
         for key, rule in rules.items():
             if rule.rows_late:
                 found[key] = _earlier(found[key], runs, rule, where)
+            if rule.hold_order:
+                found[key] = 0.5 * (found[key] + _moved_up(found[key], runs, 1))
         return found
 
     def unused(self, table: pd.DataFrame) -> list[str]:
@@ -177,15 +187,20 @@ class ColumnMap:
 
 
 def _earlier(values: pd.Series, runs: Any, rule: ColumnRule, where: str) -> pd.Series:
-    """A column moved up within each run; the last value is held."""
+    """A column moved up by the rows that it is late by, of which each run has more."""
     shortest = int(values.groupby(runs, sort=False).size().min())
     if shortest <= rule.rows_late:
         raise DataError(
             f"{where}, column `{rule.column}`: more than {rule.rows_late} rows wanted in each run, for `rows_late`; "
             f"found {shortest}."
         )
-    moved = values.groupby(runs, sort=False).shift(-rule.rows_late)
-    return moved.groupby(runs, sort=False).ffill()
+    return _moved_up(values, runs, rule.rows_late)
+
+
+def _moved_up(values: pd.Series, runs: Any, rows: int) -> pd.Series:
+    """A column moved up by some rows within each run; the last value is held."""
+    moved = values.groupby(runs, sort=False).shift(-rows)
+    return moved.groupby(runs, sort=False).ffill().fillna(values)
 
 
 def _below_its_header(mapping: Mapping[str, Any], name: str) -> dict[str, Any]:
@@ -225,13 +240,15 @@ def _rule(key: str, value: object, name: str) -> ColumnRule:
             raise DataError(f"{name}: `{setting}` of `{key}` is {content!r}: {_SETTINGS[setting][0].__name__} wanted.")
     if key == "run":
         return ColumnRule(settings.get("column", key))
-    late = settings.get("rows_late", 0)
-    if "rows_late" in settings and (late < 0 or key.partition(".")[0] not in _HELD):
-        raise DataError(
-            f"{name}: `rows_late` of `{key}` is {late}: 0 rows or more wanted, of a column of {' or '.join(_HELD)}."
-        )
+    in_time = {setting: settings[setting] for setting in _IN_TIME if setting in settings}
+    for setting, value in in_time.items():
+        allowed, wanted = _IN_TIME[setting]
+        if value not in allowed or key.partition(".")[0] not in _HELD:
+            raise DataError(
+                f"{name}: `{setting}` of `{key}` is {value}: {wanted} wanted, of a column of {' or '.join(_HELD)}."
+            )
     offset = float(settings.get("offset", 0.0))
-    return ColumnRule(settings.get("column", key), _factor(key, settings, name), offset, late)
+    return ColumnRule(settings.get("column", key), _factor(key, settings, name), offset, **in_time)
 
 
 def _factor(key: str, settings: Mapping[str, Any], name: str) -> float:

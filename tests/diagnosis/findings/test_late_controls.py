@@ -26,14 +26,22 @@ from torch_activegp.diagnosis.simulation.engine import Engine
 diagnosing = importlib.import_module("torch_activegp.diagnosis.diagnose")
 
 
-def explained(clean, rows: int, driven: bool = True) -> Explanation:
-    """What the model itself would have recorded with little noise, its controls so many rows late; nothing is named."""
-    seen = clean.engine.predict(clean.segments, clean.nominal.starts[None], [NOMINAL])[0]
+def explained(clean, rows: float, driven: bool = True) -> Explanation:
+    """What the model itself would have recorded with little noise, its controls so many rows late; nothing is named.
+
+    Half a row late are the samples of a command that changes evenly.
+    """
+    acted = clean.segments
+    if rows == 0.5:
+        means = [0.5 * (run.control + np.vstack([run.control[1:], run.control[-1:]])) for run in acted.runs]
+        runs = (dataclasses.replace(run, control=mean) for run, mean in zip(acted.runs, means, strict=True))
+        acted = dataclasses.replace(acted, runs=tuple(runs))
+    seen = clean.engine.predict(acted, clean.nominal.starts[None], [NOMINAL])[0]
     noise = 0.02 * clean.noise
     position = seen + noise * np.random.default_rng(0).normal(size=seen.shape)
 
     def late(control: np.ndarray) -> np.ndarray:
-        index = np.clip(np.arange(len(control)) - rows, 0, len(control) - 1)
+        index = np.clip(np.arange(len(control)) - int(rows), 0, len(control) - 1)
         return control[index] if driven else 0.0 * control
 
     runs = tuple(dataclasses.replace(run, control=late(run.control)) for run in clean.segments.runs)
@@ -44,13 +52,16 @@ def explained(clean, rows: int, driven: bool = True) -> Explanation:
     return Explanation(clean.engine, shooting, selection, (), given=clean.engine)
 
 
-@pytest.mark.parametrize(("rows", "driven", "said"), [(1, True, True), (0, True, False), (-1, True, False)])
-def test_controls_that_are_a_row_late_are_said_to_be(clean, rows: int, driven: bool, said: bool) -> None:
-    found = doubt_rows(explained(clean, rows, driven))
-    assert bool(found) == said
-    if said:
-        assert "ctrl.drive = { rows_late = 1 }, with what is there." in found[0]
-        assert "a row late" in found[0]
+@pytest.mark.parametrize(
+    ("rows", "setting", "words"),
+    [(1, "rows_late", "a row late"), (0.5, "hold_order", "change evenly"), (0, "", ""), (-1, "", "")],
+)
+def test_controls_a_row_late_and_those_that_change_evenly_are_told_apart(clean, rows, setting: str, words: str) -> None:
+    found = doubt_rows(explained(clean, rows))
+    assert bool(found) == bool(setting)
+    if found:
+        assert f"ctrl.drive = {{ {setting} = 1 }}, with what is there." in found[0]
+        assert words in found[0]
 
 
 def test_rows_are_not_doubted_where_a_row_earlier_leaves_much_too(clean, monkeypatch) -> None:

@@ -1,4 +1,4 @@
-"""Whether a mismatch that nothing explains is a log whose controls are late, turned, or in each other's place."""
+"""Whether a mismatch that nothing explains is a log whose controls act in other rows, turned, or in other places."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ import dataclasses
 import functools
 import itertools
 from collections.abc import Callable, Mapping
-from typing import TypeVar
+from typing import NamedTuple, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -38,38 +38,98 @@ _TOLD = 3
 """So many columns are written out."""
 
 
-def doubt_rows(explanation: Explanation) -> list[str]:
-    """Says that the controls seem to be a row late, where a row earlier they leave half of what is left otherwise.
+def _earlier(run: Run) -> Run:
+    """The run with controls and forces moved up by a row that was recorded."""
+    known = np.flatnonzero(run.recorded)
+    after = np.searchsorted(known, np.arange(len(run) - 1), side="right")
+    rows = np.minimum(known[np.minimum(after, len(known) - 1)], len(run) - 2)
+    return dataclasses.replace(run, control=run.control[rows], force=run.force[rows])
 
-    Or half of what the nominal leaves, with no name and less than the best names do; a tenth where that is much. Many
-    loggers write the command that led to a position in its row, and a control holds from its row on.
+
+def _evenly(run: Run) -> Run:
+    """The run with controls and forces that change evenly from each row to the next: the means of both are held."""
+    control, force = (0.5 * (held + np.concatenate([held[1:], held[-1:]])) for held in (run.control, run.force))
+    return dataclasses.replace(run, control=control, force=force)
+
+
+class _Reading(NamedTuple):
+    """Another way to read the rows of controls.
+
+    Args:
+        change: the run read so.
+        seem: what the controls seem to do.
+        so: when what they leave is told of.
+        where: what the log is like then.
+        setting: line of a column map for it.
+    """
+
+    change: Callable[[Run], Run]
+    seem: str
+    so: str
+    where: str
+    setting: str
+
+
+_READINGS = (
+    _Reading(
+        _earlier,
+        "be logged a row late",
+        "A row earlier",
+        "a row of your log holds the command that led to its position",
+        "rows_late = 1",
+    ),
+    _Reading(
+        _evenly,
+        "change evenly from row to row, where each is taken to hold until the next",
+        "Changing so",
+        "your log holds samples of commands that change all the time, or the machine interpolates them",
+        "hold_order = 1",
+    ),
+)
+
+
+def doubt_rows(explanation: Explanation) -> list[str]:
+    """Says that the controls seem to be a row late, or to change evenly within rows, where these leave half so.
+
+    Half of what is left otherwise; or half of what the nominal leaves, with no name and less than the best names do; a
+    tenth where that is much. Many loggers write the command that led to a position in its row, and a control holds from
+    its row on; others write samples of a command that changes all the time.
 
     Args:
         explanation: what was found, and how.
 
     Returns:
-        A sentence; none where that explains nothing, or nothing is driven.
+        A sentence; none where neither explains anything, or nothing is driven.
     """
-    selection, names = explanation.selection, list(_driven(explanation))
+    names = list(_driven(explanation))
     if not names:
         return []
-    moved = _with(explanation, _earlier)
+    found = [(left, reading) for reading in _READINGS if (left := _left_so(explanation, reading.change)) is not None]
+    if not found:
+        return []
+    (after, before), (_, seem, so, where, setting) = min(found, key=lambda one: one[0])
+    columns = [f"ctrl.{name}" for name in names]
+    told = ", ".join([*columns[:_TOLD], *(["..."] if len(columns) > _TOLD else [])])
+    return [
+        f"The controls seem to {seem}. {so} they leave {after:.3g} times the noise for {before:.3g} (chi2 per dof). "
+        f"If {where}, add `{setting}` to their lines ({told}) in a column map (--columns MAP.toml), as in {columns[0]} "
+        f"= {{ {setting} }}, with what is there."
+    ]
+
+
+def _left_so(explanation: Explanation, change: Callable[[Run], Run]) -> tuple[float, float] | None:
+    """Chi2 per degree of freedom with changed controls and without; None where these do not explain the mismatch."""
+    selection, changed = explanation.selection, _with(explanation, change)
+    after = before = 0.0
     for which in _parts(explanation):
-        some, nominal, best = moved.pick(which), selection.nominal.pick(which), selection.best.pick(which)
+        some, nominal, best = changed.pick(which), selection.nominal.pick(which), selection.best.pick(which)
         nameless = some.fit([((), ())], nominal.starts)[0]
         named = some.fit([(best.effects, best.values)], best.starts)[0] if best.effects else nameless
         before, after = best.chi2 / some.dof, min(nameless.chi2, named.chi2) / some.dof
         as_well = nameless.chi2 < min(best.chi2, _BETTER * nominal.chi2)
         if not (after < _BETTER * before or as_well) or after > max(MUCH_LEFT, _MUCH_BETTER * before):
-            return []
-    columns = [f"ctrl.{name}" for name in names]
-    told = ", ".join([*columns[:_TOLD], *(["..."] if len(columns) > _TOLD else [])])
-    return [
-        f"The controls seem to be logged a row late. A row earlier they leave {after:.3g} times the noise for "
-        f"{before:.3g} (chi2 per dof). If a row of your log holds the command that led to its position, add "
-        f"`rows_late = 1` to their lines ({told}) in a column map (--columns MAP.toml), as in {columns[0]} = "
-        "{ rows_late = 1 }, with what is there."
-    ]
+            return None
+    return after, before
 
 
 def doubt_signs(explanation: Explanation) -> list[str]:
@@ -209,11 +269,3 @@ def _swapped(run: Run, first: int, second: int) -> Run:
     control = run.control.copy()
     control[:, [first, second]] = control[:, [second, first]]
     return dataclasses.replace(run, control=control)
-
-
-def _earlier(run: Run) -> Run:
-    """The run with controls and forces moved up by a row that was recorded."""
-    known = np.flatnonzero(run.recorded)
-    after = np.searchsorted(known, np.arange(len(run) - 1), side="right")
-    rows = np.minimum(known[np.minimum(after, len(known) - 1)], len(run) - 2)
-    return dataclasses.replace(run, control=run.control[rows], force=run.force[rows])
