@@ -7,7 +7,8 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from torch_activegp.data.columns import ColumnMap, ColumnRule
+from torch_activegp.data.column_rules import ColumnRule
+from torch_activegp.data.columns import ColumnMap
 from torch_activegp.errors import DataError
 
 TOML = """
@@ -131,28 +132,11 @@ def test_numbers_name_runs(run: list, names: list[str]) -> None:
         ({"qpos": "x"}, "`qpos` is not a canonical column"),
         ({"columns": "x"}, "`columns` wants the lines of the map as a table, found 'x'"),
         ({"qpos.a": "x", "columns": {"qpos": {"a": "y"}}}, r"`qpos.a` stands above `\[columns\]` and below it"),
-        ({"qpos": {"a": 3}}, "`qpos.a` wants the file's column name or a table of settings, found 3"),
-        ({"qpos": {"a": {"colum": "x"}}}, "unknown setting `colum`: use column, unit"),
-        ({"qpos": {"a": {"scale": "2"}}}, "`scale` of `qpos.a` is '2': int wanted"),
-        ({"qpos": {"a": {"sign": True}}}, "`sign` of `qpos.a` is True"),
-        ({"qpos": {"a": {"sign": 2}}}, "`sign` of `qpos.a` is 2: 1 or -1 wanted"),
-        ({"qpos": {"a": {"scale": 0}}}, "`scale` of `qpos.a` is 0"),
-        ({"qpos": {"a": {"scale": math.inf}}}, "finite number other than 0"),
-        ({"qpos": {"a": {"unit": "rpm"}}}, "map.toml, `qpos.a`: unit `rpm` is not a unit of qpos"),
-        ({"qpos": {"a": {"counts_per_turn": 4096}}}, "goes with counts"),
         (
             {"prescribed": "arm"},
             r'map.toml: `prescribed` wants names of joints, such as \["turntable"\], found \'arm\'',
         ),
         ({"prescribed": [1]}, "`prescribed` wants names of joints"),
-        ({"ctrl": {"a": {"rows_late": -1}}}, "`rows_late` of `ctrl.a` is -1: 0 rows or more wanted"),
-        (
-            {"ctrl": {"a": {"hold_order": 2}}},
-            "`hold_order` of `ctrl.a` is 2: 0 or 1 wanted, of a column of ctrl or qfrc",
-        ),
-        ({"qpos": {"a": {"hold_order": 0}}}, "`hold_order` of `qpos.a` is 0: .* of a column of ctrl or qfrc"),
-        ({"ctrl": {"a": {"rows_late": 0.5}}}, "`rows_late` of `ctrl.a` is 0.5: int wanted"),
-        ({"qpos": {"a": {"rows_late": 1}}}, "`rows_late` of `qpos.a` is 1: .* of a column of ctrl or qfrc"),
         ({"video": "yes"}, "map.toml: `video` wants true or false, found 'yes'"),
     ],
 )

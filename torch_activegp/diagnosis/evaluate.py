@@ -10,7 +10,8 @@ from threadpoolctl import threadpool_limits
 from torch_activegp.data import Recording
 from torch_activegp.diagnosis.findings.forecast import compare
 from torch_activegp.diagnosis.inputs.blackbox import check_clock
-from torch_activegp.diagnosis.inputs.machine import check_given, lay_over, that_can_be_forecast
+from torch_activegp.diagnosis.inputs.held_out import that_can_be_forecast
+from torch_activegp.diagnosis.inputs.machine import check_given, lay_over
 from torch_activegp.diagnosis.inputs.runs import Channels, median_step
 from torch_activegp.diagnosis.inputs.source import Source, read_source
 from torch_activegp.diagnosis.inputs.wrong_columns import doubt_columns

@@ -9,7 +9,8 @@ import pytest
 from torch_activegp.data import Recording
 from torch_activegp.diagnosis.findings import beginnings
 from torch_activegp.diagnosis.findings.beginnings import Beginnings, along_lines, left_by
-from torch_activegp.diagnosis.findings.forecast import PAD, compare
+from torch_activegp.diagnosis.findings.forecast import compare
+from torch_activegp.diagnosis.inputs.held_out import PAD
 from torch_activegp.diagnosis.inputs.machine import make_machine
 from torch_activegp.diagnosis.inputs.segments import cut
 from torch_activegp.diagnosis.noise.model import NoiseModel

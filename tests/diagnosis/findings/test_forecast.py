@@ -7,7 +7,8 @@ import pytest
 
 from torch_activegp.diagnosis.findings import forecast
 from torch_activegp.diagnosis.findings.beginnings import Beginnings
-from torch_activegp.diagnosis.findings.forecast import PAD, SEEN, STEP, compare, free_run, one_step, without_model
+from torch_activegp.diagnosis.findings.forecast import compare, free_run, one_step, without_model
+from torch_activegp.diagnosis.inputs.held_out import PAD, SEEN, STEP
 from torch_activegp.diagnosis.inputs.segments import Segments
 from torch_activegp.diagnosis.simulation.candidate import NOMINAL, Candidate
 

@@ -18,28 +18,6 @@ def test_given_runs_are_kept_apart(model, record) -> None:
     assert machine.notes == ()
 
 
-def test_without_holdout_the_last_fifth_of_the_runs_is_set_aside(model, record) -> None:
-    machine = make_machine(model, [record(name=f"r{i}", seconds=0.5) for i in range(10)], [])
-    assert [run.label for run in machine.holdout] == ["r8", "r9"]
-    assert len(machine.fit) == 8
-    assert machine.notes == ("No held-out runs given: set aside r8, r9.",)
-    assert len(make_machine(model, [record(seconds=0.5)] * 3, []).holdout) == 1
-
-
-def test_of_few_runs_the_end_of_the_longest_is_set_aside(model, record) -> None:
-    machine = make_machine(model, [record(name="a", seconds=1.0), record(name="b", seconds=2.0)], [])
-    assert [run.label for run in machine.fit] == ["a", "b (first part)"]
-    (tail,) = machine.holdout
-    assert tail.label == "b (last part)"
-    assert len(machine.fit[1]) + len(tail) == 201
-    assert tail.time[0] == 0.0
-    whole = make_machine(model, [record(name="b", seconds=2.0)], [record()]).fit[0]
-    np.testing.assert_array_equal(np.vstack([machine.fit[1].position, tail.position]), whole.position)
-    np.testing.assert_array_equal(tail.control, whole.control[160:])
-    np.testing.assert_array_equal(machine.fit[1].control, whole.control[: len(machine.fit[1]) - 1])
-    assert "the last fifth of b" in machine.notes[0]
-
-
 def test_runs_of_other_rates_are_laid_on_the_clock_of_the_fastest(model, record) -> None:
     fast = record(name="fast", seconds=2.0)
     slow = record(name="slow", seconds=2.0)
@@ -52,11 +30,6 @@ def test_runs_of_other_rates_are_laid_on_the_clock_of_the_fastest(model, record)
     np.testing.assert_array_equal(run.position[::5, 0], every["qpos.hip"])
     np.testing.assert_array_equal(run.control[::5, 0], every["ctrl.drive"][:-1])
     np.testing.assert_allclose(run.dt, machine.fit[0].dt)
-
-
-def test_too_short_a_run_is_not_divided(model, record) -> None:
-    with pytest.raises(DataError, match="a: too short to set the last fifth of it aside, 51 rows found, 60 wanted"):
-        make_machine(model, [record(name="a", seconds=0.5)], [])
 
 
 def test_a_joint_with_a_velocity_alone_is_noted(bench, record) -> None:
@@ -139,22 +112,3 @@ def test_what_is_so_of_several_recordings_is_said_once(bench, record) -> None:
     runs = [dataclasses.replace(record(name=name), notes=(left_out,)) for name in "abc"]
     runs[1] = dataclasses.replace(runs[1], notes=(left_out, gap))
     assert recording_notes(bench.machine.model, runs) == [f"a and 2 more: {left_out}", f"b: {gap}"]
-
-
-@pytest.mark.parametrize(("lengths", "kept", "said"), [
-    ((201, 30), [201], "A piece of a run to forecast lasts less than 0.6 s"),
-    ((201, 30, 40), [201], "2 pieces of runs to forecast last less than 0.6 s"),
-    ((30, 40), [30, 40], ""),
-    ((201, 100), [201, 100], ""),
-])  # fmt: skip
-def test_held_out_pieces_that_are_too_short_to_be_forecast_are_left_out(record, model, lengths, kept, said) -> None:
-    """Where others can be."""
-    shown = []
-    for number, rows in enumerate(lengths):
-        whole = record("none", number)
-        columns = {name: whole[name].numpy()[:rows] for name in ("time", "qpos.hip", "ctrl.drive")}
-        shown.append(Recording.from_columns(f"kept{number}", columns))
-    machine = make_machine(model, [record("none", 5)], shown)
-    assert [len(run) for run in machine.holdout] == kept
-    notes = [note for note in machine.notes if "less than 0.6 s" in note]
-    assert [note.partition(":")[0] for note in notes] == ([said] if said else [])

@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from torch_activegp.diagnosis.findings.beginnings import SEEN_ROWS, Beginnings, left_by
+from torch_activegp.diagnosis.inputs.held_out import PAD, SEEN, STEP
 from torch_activegp.diagnosis.inputs.runs import Array, Run, median_step
 from torch_activegp.diagnosis.inputs.segments import Segments, cut, lay
 from torch_activegp.diagnosis.noise.model import NoiseModel
@@ -18,14 +19,7 @@ from torch_activegp.diagnosis.shooting.likelihood import Shooting
 from torch_activegp.diagnosis.simulation.candidate import Candidate
 from torch_activegp.diagnosis.simulation.engine import Engine
 
-STEP = 0.1
-"""One step ahead means at least this long, s: in one sample a machine hardly moves by more than the noise."""
-SEEN = 0.4
-"""Each model has its state from what was recorded so long before, s. States smoothed without a model are too rough to
-step from: their velocities make errors several times the noise, behind which no correction shows."""
 _EVERY = 0.5
-PAD = 0.1
-"""At the beginning of each run it is simulated and counts for nothing, s: what a delay remembers is not recorded."""
 _FIRST = 1.0
 _LOST = 4.0
 """A model whose chi2 per sample is larger on a run does not follow it."""

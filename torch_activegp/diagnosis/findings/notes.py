@@ -9,7 +9,7 @@ import mujoco
 import numpy as np
 
 from torch_activegp.diagnosis.findings.doubts import MUCH_LEFT
-from torch_activegp.diagnosis.findings.forecast import SEEN
+from torch_activegp.diagnosis.inputs.held_out import SEEN
 from torch_activegp.diagnosis.inputs.not_recorded import unrecorded
 from torch_activegp.diagnosis.inputs.segments import Segments
 from torch_activegp.diagnosis.selection.compared import Selection

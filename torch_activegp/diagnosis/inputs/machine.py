@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import dataclasses
-import math
 from collections.abc import Sequence
 from pathlib import Path
 
@@ -13,6 +12,7 @@ import numpy as np
 from torch_activegp.data import Recording
 from torch_activegp.diagnosis.inputs.blackbox import BlackBox, check_clock, check_rates, check_recordings
 from torch_activegp.diagnosis.inputs.clock import truer_times
+from torch_activegp.diagnosis.inputs.held_out import set_aside, that_can_be_forecast
 from torch_activegp.diagnosis.inputs.not_recorded import partly_driven, undriven, unseen
 from torch_activegp.diagnosis.inputs.own_filters import check_drives
 from torch_activegp.diagnosis.inputs.runs import MIN_ROWS, Channels, Run, make_run
@@ -20,12 +20,9 @@ from torch_activegp.diagnosis.inputs.wrong_columns import doubt_columns
 from torch_activegp.diagnosis.inputs.wrong_signs import check_signs
 from torch_activegp.errors import ConfigurationError, DataError
 
-_SHARE = 0.2
 _MOVES = 1e-9
 _SHORT = 2.0
 """Less than this in all is hardly an experiment, s."""
-_FORECAST = 0.6
-"""What a forecast by one step is shown and the step, s."""
 
 
 @dataclasses.dataclass(frozen=True)
@@ -106,7 +103,7 @@ def make_machine(
         kept, more = that_can_be_forecast(kept)
         notes += more
     else:
-        fit, kept, note = _set_aside(fit)
+        fit, kept, note = set_aside(fit)
         notes.append(note)
     seconds = sum(float(run.time[-1]) for run in fit)
     if seconds < _SHORT:
@@ -169,21 +166,6 @@ def lay_over(
     return runs, notes
 
 
-def that_can_be_forecast(runs: Sequence[Run]) -> tuple[list[Run], list[str]]:
-    """Runs that can be forecast, with a note on the others; all, where none can.
-
-    Fifteen rows between two gaps were forecast as badly by the true model as by any.
-    """
-    whole = [run for run in runs if float(run.time[-1]) >= _FORECAST]
-    if not whole or len(whole) == len(runs):
-        return list(runs), []
-    several = len(runs) - len(whole)
-    last = "A piece of a run to forecast lasts" if several == 1 else f"{several} pieces of runs to forecast last"
-    return whole, [
-        f"{last} less than {_FORECAST:g} s: not forecast, for too little is recorded there to say where it begins."
-    ]
-
-
 def recording_notes(model: mujoco.MjModel, recordings: Sequence[Recording]) -> list[str]:
     """What was read from each recording and what it lacks, in sentences; what is so of several is said once."""
     whose: dict[str, list[str]] = {}
@@ -233,31 +215,3 @@ def _refuse_constant(runs: Sequence[Run], channels: Channels) -> None:
         raise DataError(
             f"{runs[0].label}: no excitation, every position stays within its noise. Record a motion of the machine."
         )
-
-
-def _set_aside(runs: list[Run]) -> tuple[list[Run], list[Run], str]:
-    """What to fit, what is only forecast, and a sentence that says which; raises a `DataError` where that is short."""
-    if len(runs) >= 3:
-        count = max(round(_SHARE * len(runs)), 1)
-        kept = runs[-count:]
-        return runs[:-count], kept, f"No held-out runs given: set aside {', '.join(run.label for run in kept)}."
-    longest = max(range(len(runs)), key=lambda i: len(runs[i]))
-    cut = int((1 - _SHARE) * len(runs[longest]))
-    if len(runs[longest]) - cut < MIN_ROWS:
-        raise DataError(
-            f"{runs[longest].label}: too short to set the last fifth of it aside, {len(runs[longest])} rows found, "
-            f"{math.ceil(MIN_ROWS / _SHARE)} wanted. Record longer, or give held-out runs (--holdout)."
-        )
-    head, tail = _part(runs[longest], 0, cut, "first part"), _part(runs[longest], cut, len(runs[longest]), "last part")
-    others = [run for i, run in enumerate(runs) if i != longest]
-    note = f"No held-out runs given, and few runs: set aside the last fifth of {runs[longest].label}."
-    return [*others, head], [tail], note
-
-
-def _part(run: Run, start: int, stop: int, name: str) -> Run:
-    rows = {f: getattr(run, f)[start:stop] for f in ("position", "recorded", "velocity", "smooth")}
-    held = {f: getattr(run, f)[start : stop - 1] for f in ("control", "force")}
-    time = run.time[start:stop] - run.time[start]
-    given = None if run.prescribed is None else _part(run.prescribed, start, stop, name)
-    rows["left_out"] = None if run.left_out is None else run.left_out[start:stop]
-    return dataclasses.replace(run, label=f"{run.label} ({name})", time=time, prescribed=given, **rows, **held)

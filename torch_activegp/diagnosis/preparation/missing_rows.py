@@ -52,7 +52,7 @@ def with_missing_controls(
 
     Args:
         runs: these say what agrees better, each for itself or all together; controls are held in missing rows.
-        others: further runs of the machine, which say it for themselves at most.
+        others: further runs of the machine, which say it for themselves at most, and to no other.
         engines: forms of its model, of which the closest counts.
         noise: of the recordings.
         candidate: effects in the model; the controls that agree better may depend on them.
@@ -61,51 +61,64 @@ def with_missing_controls(
         The runs, the further ones, and a note where controls are not held.
     """
     degree, held = _degree(runs), [*runs, *others]
-    moving = [moved(run, degree) for run in held]
-    each, together = _better(moving, held, len(runs), engines, noise, candidate)
+    moving, count = [moved(run, degree) for run in held], len(runs)
+    mine, together = _better(moving[:count], held[:count], engines, noise, candidate)
+    theirs, _ = _better(moving[count:], held[count:], engines, noise, candidate, together)
+    each = np.concatenate([mine, theirs])
     ways = zip(held, moving, np.where(np.abs(each) > _BETTER, each, together), strict=True)
     found = [run if better < -_BETTER else on if better > _BETTER else _doubted(run, on) for run, on, better in ways]
     pairs = zip(held, found, strict=True)
-    count = sum(int((one.control != other.control).any(axis=1).sum()) for one, other in pairs)
-    if not count:
-        return found[: len(runs)], found[len(runs) :], []
+    rows = sum(int((one.control != other.control).any(axis=1).sum()) for one, other in pairs)
+    if not rows:
+        return found[:count], found[count:], []
     note = (
-        f"{count} rows are missing. Controls are taken as on their way from the last row before a gap to the next: the "
+        f"{rows} rows are missing. Controls are taken as on their way from the last row before a gap to the next: the "
         "motion agrees better with that than with controls that are held."
     )
-    return found[: len(runs)], found[len(runs) :], [note]
+    return found[:count], found[count:], [note]
 
 
 def _better(
     moving: Sequence[Run],
     held: Sequence[Run],
-    count: int,
     engines: Sequence[Engine],
     noise: NoiseModel,
     candidate: Candidate,
+    said: float | None = None,
 ) -> tuple[Array, float]:
     """Chi2 by which controls that go on agree better than held ones in the briefest pieces that tell.
 
     Longer ones are looked at for a run that leans the other way than all together.
 
+    Args:
+        moving: runs with controls that go on in missing rows.
+        held: the same with held ones.
+        engines: forms of the machine's model, of which the closest counts.
+        noise: of the recordings.
+        candidate: effects in the model.
+        said: what all together are known to say; None to ask these.
+
     Returns:
-        Of each run, ``(R,)``, and of the first `count` together.
+        Of each run, ``(R,)``, and of all together.
     """
-    each, together, known = np.zeros(len(held)), 0.0, None
+    each, together, known, loud = np.zeros(len(held)), said or 0.0, None, False
     for seconds in _SECONDS:
+        if loud and seconds > _IF_QUIET:
+            break
         pieces = _around_gaps(held, seconds)
         if not pieces or pieces == known:
             continue
         known, segments = pieces, [lay(some, pieces) for some in (moving, held)]
         on, still = (
-            min((_left(some, form, noise, candidate) for form in engines), key=lambda left: float(left[:count].sum()))
+            min((_left(some, form, noise, candidate) for form in engines), key=lambda left: float(left.sum()))
             for some in segments
         )
         each = np.where(np.abs(each) > _BETTER, each, still - on)
-        together = together if abs(together) > _BETTER else float((still - on)[:count].sum())
-        loud = min(on.sum(), still.sum()) > np.log1p(_QUIET) * segments[0].samples.sum()
+        if said is None and abs(together) <= _BETTER:
+            together = float((still - on).sum())
+        loud = bool(min(on.sum(), still.sum()) > np.log1p(_QUIET) * segments[0].samples.sum())
         leans = (np.abs(each) < _BETTER) & (np.sign(together) * each < -_LEANS)
-        if (abs(together) > _BETTER and not leans.any()) or (seconds >= _IF_QUIET and loud):
+        if abs(together) > _BETTER and not leans.any():
             break
     return each, together
 
@@ -123,7 +136,7 @@ def as_the_machine_moved(machine: Machine, nthread: int = 0) -> Machine:
         machine: model and runs; controls are held in missing rows.
         nthread: threads of the simulations; 0 for all cores.
     """
-    if not _around_gaps(machine.fit, _SECONDS[0]):
+    if not _around_gaps([*machine.fit, *machine.holdout], _SECONDS[0]):
         return machine
     numerics, noise = numerics_of(machine, nthread), noise_floor(machine.fit)
     engines = dict.fromkeys((numerics.given, numerics.fine))

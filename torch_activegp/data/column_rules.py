@@ -1,0 +1,87 @@
+"""One line of a column map: what it may say, and what that makes of a column."""
+
+from __future__ import annotations
+
+import dataclasses
+import sys
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+
+from torch_activegp.data.units import unit_factor
+from torch_activegp.errors import DataError
+
+
+@dataclasses.dataclass(frozen=True)
+class ColumnRule:
+    """One line of a column map: where a column comes from, ``factor * raw + offset`` to SI, and when it acts."""
+
+    column: str
+    factor: float = 1.0
+    offset: float = 0.0
+    rows_late: int = 0
+    hold_order: int = 0
+
+
+_SETTINGS: dict[str, tuple[type, ...]] = {
+    "column": (str,),
+    "unit": (str,),
+    "counts_per_turn": (int, float),
+    "sign": (int, float),
+    "scale": (int, float),
+    "offset": (int, float),
+    "rows_late": (int,),
+    "hold_order": (int,),
+}
+_HELD = ("ctrl", "qfrc")
+"""Kinds of column that act from row to row, and may be late by some."""
+_IN_TIME = {"rows_late": (range(sys.maxsize), "0 rows or more"), "hold_order": (range(2), "0 or 1")}
+"""Settings of these alone: what they may be."""
+
+
+def read_rule(key: str, value: object, name: str) -> ColumnRule:
+    """One line of a map as a rule.
+
+    Args:
+        key: the canonical name.
+        value: the file's own name, or a table of settings.
+        name: what messages call the map.
+
+    Raises:
+        DataError: a setting is unknown, of a wrong type, or contradicts another.
+    """
+    settings = {"column": value} if isinstance(value, str) else value
+    if not isinstance(settings, Mapping):
+        raise DataError(f"{name}: `{key}` wants the file's column name or a table of settings, found {value!r}.")
+    for setting, content in settings.items():
+        if setting not in _SETTINGS:
+            raise DataError(f"{name}: `{key}` has an unknown setting `{setting}`: use {', '.join(_SETTINGS)}.")
+        if isinstance(content, bool) or not isinstance(content, _SETTINGS[setting]):
+            raise DataError(f"{name}: `{setting}` of `{key}` is {content!r}: {_SETTINGS[setting][0].__name__} wanted.")
+    if key == "run":
+        return ColumnRule(settings.get("column", key))
+    in_time = {setting: settings[setting] for setting in _IN_TIME if setting in settings}
+    for setting, value in in_time.items():
+        allowed, wanted = _IN_TIME[setting]
+        if value not in allowed or key.partition(".")[0] not in _HELD:
+            raise DataError(
+                f"{name}: `{setting}` of `{key}` is {value}: {wanted} wanted, of a column of {' or '.join(_HELD)}."
+            )
+    offset = float(settings.get("offset", 0.0))
+    return ColumnRule(settings.get("column", key), _factor(key, settings, name), offset, **in_time)
+
+
+def _factor(key: str, settings: Mapping[str, Any], name: str) -> float:
+    factor = float(settings.get("scale", 1.0))
+    if settings.get("sign", 1) not in (1, -1):
+        raise DataError(f"{name}: `sign` of `{key}` is {settings['sign']}: 1 or -1 wanted.")
+    if factor == 0 or not np.isfinite(factor):
+        raise DataError(f"{name}: `scale` of `{key}` is {factor}: a finite number other than 0 wanted.")
+    kind = key.partition(".")[0]
+    if "unit" in settings or "counts_per_turn" in settings:
+        try:
+            factor *= unit_factor(kind, settings.get("unit", "(none)"), settings.get("counts_per_turn"))
+        except DataError as error:
+            raise DataError(f"{name}, `{key}`: {error}") from error
+    return factor * settings.get("sign", 1)
