@@ -94,6 +94,15 @@ def test_the_limits_of_the_actuator_hold(bench, rivals, low, high) -> None:
     assert np.ptp(control) > 0.1
 
 
+def test_limits_that_mujoco_does_not_hold_are_none(bench) -> None:
+    text = bench.xml.replace("<motor", '<motor ctrllimited="true" ctrlrange="-0.5 0.5"')
+    text = text.replace("<worldbody>", '<option><flag clampctrl="disable"/></option><worldbody>')
+    engine = Engine(mujoco.MjModel.from_xml_string(text), bench.engine.channels, 2, 1)
+    runs = tuple(dataclasses.replace(run, control=2.0 + np.sin(run.time[:-1, None])) for run in bench.machine.fit)
+    low, middle, high = _limits(engine, runs)
+    assert 1.0 <= low[0] < middle[0] < high[0] <= 3.0
+
+
 def test_an_actuator_without_input_has_no_column(bench, rivals) -> None:
     loss = '<dcmotor name="loss" joint="hip" motorconst="0 0" resistance="1" input="none"/><motor'
     engine = Engine(mujoco.MjModel.from_xml_string(bench.xml.replace("<motor", loss)), bench.engine.channels, 2, 1)

@@ -189,9 +189,9 @@ def test_of_many_changes_those_are_fitted_that_come_nearest_within_the_limits_of
     found = in_places(clean, record, True, 0.02)
     monkeypatch.setattr(module, "_TRIED", 1)
     assert doubt_places(found)
-    model = found.engine.model
-    model.actuator_ctrllimited[0] = True
-    model.actuator_ctrlrange[0] = (-0.1, 0.2)
+    (least, most) = found.engine.limits
+    assert not np.isfinite([least, most]).any()
+    least[0], most[0] = -0.1, 0.2
     changed = module._with(found, functools.partial(module._swapped, first=0, second=1))
     for before, after in zip(found.shooting.segments.runs, changed.segments.runs, strict=True):
         np.testing.assert_array_equal(after.control[:, 0], np.clip(before.control[:, 1], -0.1, 0.2))

@@ -8,10 +8,9 @@ import numpy as np
 import pytest
 
 from torch_activegp.data import Recording
-from torch_activegp.diagnosis import evaluate
 from torch_activegp.diagnosis.inputs import wrong_controls
 from torch_activegp.diagnosis.inputs.machine import make_machine
-from torch_activegp.diagnosis.inputs.wrong_controls import doubt_controls, doubt_limits, servo_order
+from torch_activegp.diagnosis.inputs.wrong_controls import doubt_controls, servo_order
 from torch_activegp.diagnosis.inputs.wrong_signs import check_signs
 from torch_activegp.errors import DataError
 
@@ -198,40 +197,3 @@ def test_actuators_need_no_names(records) -> None:
         runs.append(Recording.from_columns(run.label, {"time": run.time.numpy(), **columns}))
     machine = make_machine(mujoco.MjModel.from_xml_string(xml), runs, [])
     assert any("Column `ctrl.actuator1`: the sign" in text for text in machine.doubts)
-
-
-@pytest.mark.parametrize(
-    ("scales", "limits", "flag", "said"),
-    [
-        ((100.0, 100.0), "-9.5 9.5", "", True),
-        ((1.0, 100.0), "-9.5 9.5", "", True),  # in one of them alone
-        ((1.0, 1.0), "-9.5 9.5", "", False),
-        ((1.0, 1.0), "-2.5 2.5", "", False),  # a controller's command before the drive's limit
-        ((0.0, 0.0), "0.1 1", "", False),
-        ((100.0, 100.0), "-9.5 9.5", '<option><flag clampctrl="disable"/></option>', False),
-    ],
-)
-def test_a_control_far_beyond_the_models_limits_in_most_rows_is_doubted(
-    records, scales, limits: str, flag: str, said: bool
-) -> None:
-    """What is clipped says nothing of its unit."""
-    limited = XML.replace('name="push"', f'name="push" ctrllimited="true" ctrlrange="{limits}"')
-    limited = limited.replace("<worldbody>", f"{flag}<worldbody>")
-    model = mujoco.MjModel.from_xml_string(limited)
-    one, two = (records(scale) for scale in scales)
-    found = doubt_limits(model, [one[0], *two[1:]])
-    assert bool(found) is said
-    if said:
-        label = one[0].label if scales[0] > 1.0 else two[1].label
-        assert found[0].startswith(label)
-        assert "column `ctrl.push`: -900 to 900, and in most rows beyond 5 times" in found[0]
-
-
-def test_a_control_far_beyond_limits_is_a_doubt_of_runs_that_are_fitted_and_held_out(records) -> None:
-    limited = XML.replace('name="push"', 'name="push" ctrllimited="true" ctrlrange="-9.5 9.5"')
-    model, good, bad = mujoco.MjModel.from_xml_string(limited), records(1.0), records(100.0)
-    for recordings, holdout in ((bad[1:], good[:1]), (good[1:], bad[:1])):
-        machine = make_machine(model, recordings, holdout)
-        (found,) = [doubt for doubt in machine.doubts if "times the model's own limits" in doubt]
-        assert found in machine.notes
-    assert found in evaluate(model, bad[:1], nthread=1)["notes"]

@@ -228,9 +228,7 @@ def _reach(engine: Engine, runs: tuple[Run, ...]) -> Array:
 
 def _limits(engine: Engine, runs: tuple[Run, ...]) -> tuple[Array, Array, Array]:
     """Least, mean and largest control, ``(nu,)`` each: as seen, and within the limits; these where none was seen."""
-    model = engine.model
-    seen = np.concatenate([run.control for run in runs])
-    ends = np.where(model.actuator_ctrllimited.astype(bool), model.actuator_ctrlrange.T, [[-np.inf], [np.inf]])
+    seen, ends = np.concatenate([run.control for run in runs]), engine.limits
     low, high = seen.min(axis=0), seen.max(axis=0)
     unused = (low == high) & np.isfinite(ends).all(axis=0)
     low, high = (

@@ -242,10 +242,9 @@ def _driven(explanation: Explanation) -> dict[str, int]:
 
 def _with(explanation: Explanation, change: Callable[[Run], Run]) -> Shooting:
     """The likelihood with changed controls, within the limits of the columns where they are now."""
-    shooting, model = explanation.shooting, explanation.engine.model
-    low, high = np.where(model.actuator_ctrllimited, model.actuator_ctrlrange.T, [[-np.inf], [np.inf]])
+    shooting, limits = explanation.shooting, explanation.engine.limits
     changed = map(change, shooting.segments.runs)
-    runs = tuple(dataclasses.replace(run, control=np.clip(run.control, low, high)) for run in changed)
+    runs = tuple(dataclasses.replace(run, control=np.clip(run.control, *limits)) for run in changed)
     segments = dataclasses.replace(shooting.segments, runs=runs)
     return dataclasses.replace(shooting, engine=explanation.engine, segments=segments, offset=None)
 

@@ -17,6 +17,7 @@ from torch_activegp.diagnosis.inputs.not_recorded import partly_driven, undriven
 from torch_activegp.diagnosis.inputs.own_filters import check_drives
 from torch_activegp.diagnosis.inputs.runs import MIN_ROWS, Channels, Run, make_run
 from torch_activegp.diagnosis.inputs.wrong_columns import doubt_columns
+from torch_activegp.diagnosis.inputs.wrong_limits import clipping_notes
 from torch_activegp.diagnosis.inputs.wrong_signs import check_signs
 from torch_activegp.errors import ConfigurationError, DataError
 
@@ -96,6 +97,7 @@ def make_machine(
     doubts, lacks = list[str](), list[str]()
     if box is None:
         doubts = doubt_columns(model, channels, [*recordings, *holdout], fit, kept)
+        notes += clipping_notes(model, [*recordings, *holdout])
         check_signs(model, channels, fit)
         lacks = partly_driven(model, recordings)
     notes += doubts if box is None else box.notes()

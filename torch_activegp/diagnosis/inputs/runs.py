@@ -11,7 +11,7 @@ import torch
 from numpy.typing import NDArray
 
 from torch_activegp.data import Recording, noise_std, unwrap_angles
-from torch_activegp.diagnosis.inputs.control_limits import clipped_controls
+from torch_activegp.diagnosis.inputs.control_limits import control_limits
 from torch_activegp.diagnosis.inputs.coupling import coupling
 from torch_activegp.diagnosis.inputs.glitches import bridged, glitches, in_words
 from torch_activegp.diagnosis.inputs.smoothing import follow, smooth
@@ -190,8 +190,7 @@ def _laid(
     control = np.zeros((len(time), model.nu))
     for name in recording.actuators:
         control[:, inputs[name]] = recording[f"ctrl.{name}"].numpy()
-    limited = clipped_controls(model)
-    control[:, limited] = np.clip(control[:, limited], *model.actuator_ctrlrange[: model.nu][limited].T)
+    control = np.clip(control, *control_limits(model))
     force = np.zeros((len(time), model.nv))
     for column in recording.columns:
         if column.startswith("qfrc."):

@@ -8,7 +8,8 @@ import mujoco
 
 from torch_activegp.data import Recording
 from torch_activegp.diagnosis.inputs.runs import Channels, Run
-from torch_activegp.diagnosis.inputs.wrong_controls import doubt_controls, doubt_limits
+from torch_activegp.diagnosis.inputs.wrong_controls import doubt_controls
+from torch_activegp.diagnosis.inputs.wrong_limits import doubt_limits
 from torch_activegp.diagnosis.inputs.wrong_units import check_units
 from torch_activegp.errors import DataError
 

@@ -7,8 +7,6 @@ from collections.abc import Mapping, Sequence
 import mujoco
 import numpy as np
 
-from torch_activegp.data import Recording
-from torch_activegp.diagnosis.inputs.control_limits import clipped_controls
 from torch_activegp.diagnosis.inputs.runs import Array, Channels, Run, input_addresses
 from torch_activegp.diagnosis.inputs.wrong_units import Motion, balance
 
@@ -20,9 +18,6 @@ _NEAR = 1.25
 """Factor by which a control may be off its unit or sign and still seem to be of that one."""
 _SURE = 0.1
 """Standard error of a factor, in parts of it, above which nothing is said."""
-_MOSTLY, _FAR = 0.5, 5.0
-"""Part of the rows so many times beyond a model's limits from which on a control is doubted. A controller's commands,
-logged as they are before the drive's limit, are beyond it as often, and not by so much."""
 _EXPLAINED = 0.9
 """Part of the lacking force that the control and what stands for other effects must explain."""
 _LACKS = 0.3
@@ -64,33 +59,6 @@ def doubt_controls(model: mujoco.MjModel, channels: Channels, runs: Sequence[Run
             if text := _doubt(name, factor, _SERVO_UNITS[servo_order(model, int(actuator))]):
                 doubts.setdefault(name, text)
     return list(doubts.values())
-
-
-def doubt_limits(model: mujoco.MjModel, recordings: Sequence[Recording]) -> list[str]:
-    """Says which controls are far beyond the model's own limits in most rows, where clipping hides their unit.
-
-    Args:
-        model: nominal.
-        recordings: as they are, (T,) rows each.
-
-    Returns:
-        Sentences.
-    """
-    doubts, clipped = [], clipped_controls(model)
-    for name, at in input_addresses(model).items():
-        column, (low, high) = f"ctrl.{name}", model.actuator_ctrlrange[at]
-        far = _FAR * max(abs(low), abs(high))
-        controls = {run.label: run[column].numpy() for run in recordings if clipped[at] and column in run}
-        beyond = {label: rows for label, rows in controls.items() if np.mean(np.abs(rows) > far) > _MOSTLY}
-        if beyond:
-            (first, rows), more = next(iter(beyond.items())), len(beyond) - 1
-            doubts.append(
-                f"{first}{f' and {more} more' if more else ''}, column `{column}`: {rows.min():.3g} to "
-                f"{rows.max():.3g}, and in most rows beyond {_FAR:g} times the model's own limits (ctrlrange, "
-                f"{low:.3g} to {high:.3g}), where it is clipped. If the unit is another one, or the column another "
-                "actuator's, say so in its line of a column map (--columns MAP.toml); else mend the model."
-            )
-    return doubts
 
 
 def servo_order(model: mujoco.MjModel, actuator: int) -> int:

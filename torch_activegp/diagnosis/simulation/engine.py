@@ -11,6 +11,7 @@ import mujoco
 import mujoco.batch
 import numpy as np
 
+from torch_activegp.diagnosis.inputs.control_limits import control_limits
 from torch_activegp.diagnosis.inputs.own_filters import own_filters, without_filters
 from torch_activegp.diagnosis.inputs.runs import Array, Channels, Run, median_step
 from torch_activegp.diagnosis.inputs.segments import Segments
@@ -66,14 +67,13 @@ class Engine:
         late: bool = False,
         contacts: bool = True,
     ) -> None:
-        self.model = copy.copy(model)
+        self.model, self.limits = copy.copy(model), control_limits(model)
         if late and integrator is not None:
             raise ConfigurationError("Engine: `late` is an integrator of its own; wanted no other one.")
         integrator = IMPLICIT_FAST if late else integrator
-        if not contacts:
-            self.model.opt.disableflags |= int(_Disable.mjDSBL_CONTACT)
-        self.model.opt.disableflags |= int(_Disable.mjDSBL_CLAMPCTRL)  # runs hold what the limits let pass
-        self.model.opt.disableflags |= int(_Disable.mjDSBL_SENSOR)  # readings come from the states
+        off = int(_Disable.mjDSBL_CLAMPCTRL)  # runs hold what the limits let pass
+        off |= int(_Disable.mjDSBL_SENSOR)  # readings come from the states
+        self.model.opt.disableflags |= off if contacts else off | int(_Disable.mjDSBL_CONTACT)
         if integrator is not None:
             self.model.opt.integrator = integrator
         if channels.prescribed is not None:

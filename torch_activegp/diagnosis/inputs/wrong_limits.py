@@ -1,0 +1,83 @@
+"""Recorded controls that are beyond the limits of the model."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+
+import mujoco
+import numpy as np
+
+from torch_activegp.data import Recording
+from torch_activegp.diagnosis.inputs.control_limits import control_limits
+from torch_activegp.diagnosis.inputs.runs import Array, input_addresses
+
+_MOSTLY, _FAR = 0.5, 2.0
+"""Part of the rows beyond a model's limits by so many times the range between them from which on a control is doubted.
+A controller's commands, logged as they are before the drive's limit, are beyond it as often, and not by so much."""
+_NOTED = 0.1
+"""Part of the rows beyond them from which on it is noted."""
+
+
+def doubt_limits(model: mujoco.MjModel, recordings: Sequence[Recording]) -> list[str]:
+    """Says which controls are so far beyond the model's limits that their unit or column is doubtful.
+
+    In most rows of a recording; or in all, where a control that changes is the same behind the limits.
+
+    Args:
+        model: nominal.
+        recordings: as they are, (T,) rows each.
+
+    Returns:
+        Sentences.
+    """
+    return [
+        f"{where}, where it is clipped: far beyond. If the unit is another one, the sign, or the column another "
+        "actuator's, say so in its line of a column map (--columns MAP.toml); else mend the model."
+        for where in _beyond(model, recordings, _is_far)
+    ]
+
+
+def clipping_notes(model: mujoco.MjModel, recordings: Sequence[Recording]) -> list[str]:
+    """Says which controls are beyond the model's limits in a tenth of the rows of a recording, and are not doubted.
+
+    Args:
+        model: nominal.
+        recordings: as they are, (T,) rows each.
+
+    Returns:
+        Sentences.
+    """
+    return [
+        f"{where}, to which it is clipped, as MuJoCo does. If the drive gives more than that, mend the model."
+        for where in _beyond(model, recordings, _is_clipped)
+    ]
+
+
+def _is_far(rows: Array, low: float, high: float) -> bool:
+    """Whether rows are far beyond limits; or beyond them all, and so the same behind them, though they change."""
+    far = np.mean(np.maximum(low - rows, rows - high) > _FAR * (high - low)) > _MOSTLY
+    return bool(far or (np.ptp(rows) > 0.0 and np.ptp(np.clip(rows, low, high)) == 0.0))
+
+
+def _is_clipped(rows: Array, low: float, high: float) -> bool:
+    """Whether many rows are beyond limits, and not far so."""
+    return bool(np.mean((rows < low) | (rows > high)) > _NOTED) and not _is_far(rows, low, high)
+
+
+def _beyond(
+    model: mujoco.MjModel, recordings: Sequence[Recording], asked: Callable[[Array, float, float], bool]
+) -> list[str]:
+    """The beginnings of sentences on controls whose rows and limits are so in some recordings, and how often beyond."""
+    found, (least, most) = [], control_limits(model)
+    for name, at in input_addresses(model).items():
+        column, low, high = f"ctrl.{name}", float(least[at]), float(most[at])
+        those = [(run.label, run[column].numpy()) for run in recordings if column in run]
+        beyond = [(label, rows) for label, rows in those if np.isfinite([low, high]).all() and asked(rows, low, high)]
+        if beyond:
+            (first, rows), more = beyond[0], len(beyond) - 1
+            found.append(
+                f"{first}{f' and {more} more' if more else ''}, column `{column}`: {rows.min():.3g} to "
+                f"{rows.max():.3g}, in {np.mean((rows < low) | (rows > high)):.0%} of the rows beyond the model's own "
+                f"limits (ctrlrange, {low:.3g} to {high:.3g})"
+            )
+    return found
