@@ -141,7 +141,7 @@ class StribeckFriction(DryFriction):
     def usual(self, level: float) -> list[Array]:
         """Parameters with half of a level as static excess, at Stribeck velocities of 1 and 3 % of the top speed.
 
-        Machines have 0.1 to 2 of it. What neither shows in recordings, these do not tell.
+        Machines have 0.1 to 2 of it. Where either shows nothing in recordings, these do not tell.
         """
         top = self.parameters[2].scale / _USUAL_SPEED
         return [np.array([level, 0.5 * (self.nominal_loss + level), share * top]) for share in (0.01, 0.03)]

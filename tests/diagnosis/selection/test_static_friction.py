@@ -55,7 +55,7 @@ def test_a_friction_that_the_model_softens_is_compared_with_the_firm_law(bench) 
     found = dataclasses.replace(selection.best, effects=(soft,))
     selection.fits = [selection.nominal, found]
     try_static_friction(shooting, selection, bench.effects)
-    assert [fit.effects[0].name for fit in selection.fits[2:]][:2] == ["stribeck_friction"] * 2
+    assert [fit.effects[0].name for fit in selection.held] == ["stribeck_friction"] * 2
 
 
 def test_nothing_is_tried_beside_other_names_or_at_rest(bench) -> None:
@@ -66,5 +66,6 @@ def test_nothing_is_tried_beside_other_names_or_at_rest(bench) -> None:
         other = dataclasses.replace(selection, fits=[selection.nominal, best])
         try_static_friction(shooting, other, bench.effects)
         assert other.fits == [selection.nominal, best]
+        assert not other.held
     try_static_friction(shooting, selection, [dry])
     assert len(selection.fits) == 2

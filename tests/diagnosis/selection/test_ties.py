@@ -40,16 +40,18 @@ def test_a_friction_of_two_levels_may_be_one_level_and_a_push(bench) -> None:
 
 
 @pytest.mark.parametrize(
-    ("sure", "worse", "back", "tied"),
+    ("sure", "worse", "held", "back", "tied"),
     [
-        (9.0, 11.0, 0.06, True),
-        (11.0, 11.0, 0.06, False),
-        (11.0, 11.0, 0.08, True),  # and differs by half
-        (9.0, 13.0, 0.08, False),
+        (9.0, 5.0, False, 0.06, True),
+        (11.0, 5.0, False, 0.06, False),
+        (11.0, 5.0, False, 0.08, True),  # and differs by half
+        (9.0, 7.0, False, 0.08, False),
+        (9.0, 11.0, True, 0.06, True),
+        (9.0, 13.0, True, 0.08, False),
     ],
 )
 def test_a_law_is_not_told_from_those_that_contain_it_where_it_is_weak_or_these_differ_and_fit(
-    bench, monkeypatch, sure: float, worse: float, back: float, tied: bool
+    bench, monkeypatch, sure: float, worse: float, held: bool, back: float, tied: bool
 ) -> None:
     monkeypatch.setattr(module, "certainty", lambda *_: sure**2)
     laws = [e for e in bench.effects if e.name == "asymmetric_friction"]
@@ -65,19 +67,35 @@ def test_a_law_is_not_told_from_those_that_contain_it_where_it_is_weak_or_these_
     others = [beside(dry, push, chi2=begin.chi2 + 0.5), beside(rich, push, drag), beside(drag, push, values=one)]
     others += [beside(rich, drag, chi2=begin.chi2)]  # in the force's place too
     score = Score(bench.shooting.samples, 60, 1.0)
-    selection = Selection(bench.nominal, [begin, *others, beside(rich, push, chi2=worst), law], score)
+    fits, apart = [begin, *others, beside(rich, push, chi2=worst)], [law] if held else []
+    selection = Selection(bench.nominal, [*fits, *([] if held else [law])], score, held=apart)
     monkeypatch.setattr(Selection, "best", begin)
     assert as_part(bench.shooting, selection, wet) == ((rich.key,) if tied else ())
     assert as_part(bench.shooting, selection, push) == ()
-    without = dataclasses.replace(selection, fits=[begin, beside(rich, chi2=law.chi2)])
+    bare = beside(rich, chi2=law.chi2)
+    without = dataclasses.replace(selection, fits=[begin, *([] if held else [bare])], held=[bare] if held else [])
     assert as_part(bench.shooting, without, wet) == ()
     assert as_part(bench.shooting, without, wet, frozenset({push.key})) == (
         (rich.key,) if tied else ()
     )  # which is not named
-    selection.fits.pop()
+    selection.fits, selection.held = fits, ()
     assert as_part(bench.shooting, selection, wet) == ()
     selection.score = dataclasses.replace(score, scale=1e3)
     assert as_part(bench.shooting, selection, wet) == ((rich.key,) if sure < 10.0 or back > 0.075 else ())
+
+
+@pytest.mark.parametrize(("own", "tied"), [(0.0, False), (0.3, True)])
+def test_a_static_excess_is_compared_with_all_dry_friction_that_is_there(bench, monkeypatch, own, tied: bool) -> None:
+    """Of a model that has 0.2 too much of 0.3, half of the rest is another law."""
+    monkeypatch.setattr(module, "certainty", lambda *_: 1e6)
+    dry = dataclasses.replace(bench.effect("coulomb_friction"), nominal_loss=own)
+    law = dataclasses.replace(bench.effect("stribeck_friction"), nominal_loss=own)
+    begin = dataclasses.replace(bench.nominal, effects=(dry,), values=(np.array([-0.2]),))
+    other = dataclasses.replace(begin, effects=(law,), values=(np.array([-0.2, 0.05, 0.1]),))
+    selection = Selection(bench.nominal, [begin], Score(bench.shooting.samples, 60, 1.0), held=[other])
+    monkeypatch.setattr(Selection, "best", begin)
+    monkeypatch.setattr(type(begin), "plausible", True)
+    assert as_part(bench.shooting, selection, dry) == ((law.key,) if tied else ())
 
 
 def test_one_level_and_a_tuned_push_may_be_a_friction_of_two_levels(bench) -> None:

@@ -67,6 +67,7 @@ class Selection:
             they are asked for.
         of_a_step: effects of the best set that other time steps do without, :mod:`.finer_steps`, or forces held over
             them, :mod:`.held_forces`.
+        held: sets with a static friction whose numbers are held, :mod:`.static_friction`.
     """
 
     nominal: Fit
@@ -82,6 +83,7 @@ class Selection:
     tunable: tuple[Effect, ...] = ()
     tunable_gains: tuple[dict[Effect, float], float] | None = None
     of_a_step: frozenset[Effect] = frozenset()
+    held: Sequence[Fit] = ()
 
     @property
     def best(self) -> Fit:

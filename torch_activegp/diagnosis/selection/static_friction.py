@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
+import numpy as np
+
 from torch_activegp.diagnosis.inputs.runs import Array
 from torch_activegp.diagnosis.selection.compared import Effort, Selection, compare
 from torch_activegp.diagnosis.selection.proposals import Set, contains, paired
@@ -17,21 +19,21 @@ def try_static_friction(shooting: Shooting, selection: Selection, effects: Seque
 
     Stribeck's friction falls to Coulomb's at some speed. Where a joint is hardly ever so slow, a fit of it ends at
     none, and Coulomb's would be named as if the recordings told: most wrong names of the proof were these. A usual
-    static friction is held here. Where it leaves no more, :func:`~torch_activegp.diagnosis.selection.ties.as_part`
-    says that either does; where it leaves less, its law is fitted from there: a fit from none stayed there on a
-    striker that stuck in between, 44 in chi2 worse.
+    static friction, narrower or wider, is held here. Where either leaves no more,
+    :func:`~torch_activegp.diagnosis.selection.ties.as_part` says that both laws do; where it leaves less, its law is
+    fitted from there: a fit from none stayed there on a striker that stuck in between, 44 in chi2 worse.
 
     Args:
         shooting: the likelihood.
-        selection: takes the fits in.
+        selection: takes the held fits in apart, and those that go on from them.
         effects: what is tried.
     """
-    best = selection.best
+    best, selection.held = selection.best, ()
     sets = _with_static_friction(list(best.by_effect.items()), effects) if best.effects and not best.at_rest else []
     if not sets:
         return
     held = shooting.fit(sets, best.starts, hold=True, near=best)
-    selection.add(held)
+    selection.held = [fit for fit in held if np.isfinite(fit.chi2)]
     better = [some for some, fit in zip(sets, held, strict=True) if fit.chi2 < best.chi2]
     compare(shooting, selection, better, best, Effort(race=True))
 

@@ -15,6 +15,7 @@ from torch_activegp.diagnosis.shooting.likelihood import Shooting
 from torch_activegp.diagnosis.shooting.score import TIE
 from torch_activegp.diagnosis.simulation.touching import strikes
 from torch_activegp.physics.effect import Effect
+from torch_activegp.physics.friction import DryFriction
 
 _LOPSIDED = 0.1
 """A constant push is a difference between the directions of a dry friction from so much of that friction up."""
@@ -36,9 +37,9 @@ _OTHER = 0.45
 frictions in the proof has such a tie, and a Stribeck friction that passed for Coulomb's."""
 
 _NO_WORSE = 12.0
-"""Chi2, in units of what is left, by which a law that contains a simple one may leave more and be there as well. Where
-its numbers are held (:mod:`~torch_activegp.diagnosis.selection.static_friction`) the level is not fitted anew: 8 more
-were left so where Stribeck's friction was there, and 32 to 2500 where Coulomb's was."""
+"""Chi2, in units of what is left, by which a law that contains a simple one may leave more and be there as well, where
+its numbers are held (:mod:`~torch_activegp.diagnosis.selection.static_friction`) and the level is not fitted anew: 8
+more were left so where Stribeck's friction was there, and 32 to 2500 where Coulomb's was. One that is fitted: `TIE`."""
 
 Rivals = Sequence[tuple[Fit, float, float]]
 """Compared sets, best first, with their scores less the best one's and their probabilities."""
@@ -141,6 +142,8 @@ def as_part(
 ) -> tuple[tuple[str, str], ...]:
     """The laws that contain a simple one of the best set and fit no worse, where they differ by half or it is weak.
 
+    By half of what there is of it, the model's own dry friction among it.
+
     Such a law costs more, and gains too little for its price; but the recordings do not say that it is not there. On a
     pendulum with dry friction of 0.04 N m, static parts from 0.02 to 0.05 N m fitted as well as none.
 
@@ -154,11 +157,14 @@ def as_part(
     if effect.linear != 1 or best.at_rest:
         return ()
     level, weak = float(best.by_effect[effect][0]), certainty(shooting, best, effect) < _SURE
-    for fit in (fit for fit in selection.fits if fit.plausible and not fit.at_rest):
+    much = _OTHER * abs(level + (effect.nominal_loss if isinstance(effect, DryFriction) else 0.0))
+    fits = [*((fit, TIE) for fit in selection.fits), *((fit, _NO_WORSE) for fit in selection.held)]
+    for fit, within in fits:
         old, law = in_place(best, fit, beside) or (None, effect)
-        if old is not effect or not contains(law, effect) or fit.chi2 - best.chi2 > _NO_WORSE * selection.score.scale:
+        as_good = fit.plausible and not fit.at_rest and fit.chi2 - best.chi2 <= within * selection.score.scale
+        if old is not effect or not contains(law, effect) or not as_good:
             continue
-        if weak or abs(fit.by_effect[law] - of_part(law, level))[: law.linear].max() > _OTHER * abs(level):
+        if weak or abs(fit.by_effect[law] - of_part(law, level))[: law.linear].max() > much:
             found[law.key] = None
     return tuple(found)
 
