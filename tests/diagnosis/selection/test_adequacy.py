@@ -30,6 +30,8 @@ from torch_activegp.diagnosis.selection.adequacy import is_crowded, most_left
         ({"cut_short": True, "misfit": 1.02}, 0.06),
         ({"cut_short": True, "misfit": 1.03}, 0.03),
         ({"cut_short": True, "misfit": 1.03, "visible": False}, 0.03),
+        ({"cut_short": True, "misfit": 1.39}, 0.03),
+        ({"cut_short": True, "misfit": 1.41}, 0.002),
         ({"corrections": 4, "missing": 0.06}, 0.06),
         ({"corrections": 5, "missing": 0.06}, 0.015),
         ({"corrections": 5, "missing": 0.04}, 0.06),

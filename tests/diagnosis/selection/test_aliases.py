@@ -86,7 +86,7 @@ def test_a_search_asks_for_those_that_lose_no_more_than_a_tie(bench, pushed, mon
 @pytest.mark.parametrize("work", [0.0, 1e9])
 def test_they_are_looked_for_where_a_search_was_cut_short(bench, monkeypatch, work: float) -> None:
     asked: list[bool] = []
-    monkeypatch.setattr(search, "try_aliases", lambda selection, *_: asked.append(selection.cut_short))
+    monkeypatch.setattr(search, "try_in_place", lambda selection, *_: asked.append(selection.cut_short))
     effects = [bench.effect("viscous_friction"), bench.effect("cubic_spring")]
     found = select(bench.shooting, effects, bench.nominal, depth=Depth(work=work))
     assert asked == ([True] if work == 0.0 else [])

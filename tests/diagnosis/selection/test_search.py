@@ -208,7 +208,7 @@ def test_a_mass_anywhere_along_its_body_is_one_name_where_two_others_would_do(be
 
 
 def test_a_search_ends_where_it_has_computed_enough(bench, monkeypatch) -> None:
-    monkeypatch.setattr(module, "try_aliases", lambda *_: None)  # come on top
+    monkeypatch.setattr(module, "try_in_place", lambda *_: None)  # come on top
     effects, begun = [bench.effect(name) for name in NAMES], bench.shooting.work
     short = select(bench.shooting, effects, bench.nominal, depth=Depth(work=1.0))
     middle = bench.shooting.work

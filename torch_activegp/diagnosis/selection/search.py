@@ -8,8 +8,8 @@ from collections.abc import Callable, Iterator, Sequence
 import numpy as np
 
 from torch_activegp.diagnosis.inputs.runs import Array
-from torch_activegp.diagnosis.selection.aliases import try_aliases
 from torch_activegp.diagnosis.selection.compared import Selection
+from torch_activegp.diagnosis.selection.cut_short import try_in_place
 from torch_activegp.diagnosis.selection.development import be_fair, expand, refine, simplify
 from torch_activegp.diagnosis.selection.prospects import MAX_EFFECTS, cannot_win, hopeless, is_alike
 from torch_activegp.diagnosis.selection.stand_ins import soften, swap, try_tuned, undo
@@ -126,7 +126,8 @@ def go_on(
         selection.score = selection.score.without_free()
         search(selection, shooting, effects, tell, depth)
     if selection.cut_short and depth.swaps:
-        try_aliases(selection, shooting, effects)
+        tell("testing what could stand in place of each effect")
+        try_in_place(selection, shooting, effects, shooting.work + _MORE)
     return selection
 
 
