@@ -75,6 +75,11 @@ def test_what_is_named_says_where_it_acts(bench) -> None:
     assert past == ("hip", "ctrl.drive", ((0.4, np.inf), (-np.inf, -0.4)))
 
 
+def test_of_joints_that_each_explain_all_the_one_that_would_explain_more_comes_first() -> None:
+    found = entries([region("a", [1.0] * 10, gain=500.0), region("b", [1.0] * 10, gain=600.0)], 100.0)
+    assert [(entry["target"], entry["share"]) for entry in found] == [("joint:b", 1.0), ("joint:a", 1.0)]
+
+
 def test_the_region_of_a_named_effect_is_where_it_acts_as_far_as_that_was_seen(bench) -> None:
     found = [region("hip", [1.0] * 10, "qvel.hip", 500.0), region("hip", [1.0] * 10, "qpos.hip", 100.0)]
     (entry,) = entries(found, 1000.0, {"hip": Acting("hip", "qpos.hip", ((8.5, np.inf),))})

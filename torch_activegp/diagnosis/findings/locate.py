@@ -130,9 +130,10 @@ def entries(
 ) -> list[dict[str, Any]]:
     """The ``location`` of ``diagnosis.json``: the best variable of every joint where something is.
 
-    The share of a joint is what a force on it alone would explain. A joint where a named effect acts in two intervals
-    has two entries, each with its part of the share; the second ones come last. It has them though no bins show it, as
-    of a stop that is struck once: then their ``q_value`` says so.
+    The share of a joint is what a force on it alone would explain, at most all; those that would explain more come
+    first, also where each would explain all of a mismatch that is small beside the noise. A joint where a named effect
+    acts in two intervals has two entries, each with its part of the share; the second ones come last. It has them
+    though no bins show it, as of a stop that is struck once: then their ``q_value`` says so.
 
     Args:
         regions: of :func:`locate`.
@@ -146,14 +147,15 @@ def entries(
         if not own:
             continue
         best = max(own, key=lambda r: r.gain - len(r.force))
-        share = float(np.clip((best.gain - len(best.force)) / max(mismatch, 1e-300), 0.0, 1.0))
+        explained = float(best.gain - len(best.force))
+        share = float(np.clip(explained / max(mismatch, 1e-300), 0.0, 1.0))
         chosen, within = named or _local(best, own)
         parts = [chosen.energy(*interval) for interval in within]
         for number, (interval, part) in enumerate(zip(within, parts, strict=True)):
-            its = share * (part / sum(parts) if sum(parts) > 0.0 else 1.0 / len(parts))
+            its = part / sum(parts) if sum(parts) > 0.0 else 1.0 / len(parts)
             region = {chosen.over: list(interval)}
-            entry = {"target": f"joint:{joint}", "share": its, "region": region, "q_value": chosen.adjusted}
-            out.append((number, -share, entry))
+            entry = {"target": f"joint:{joint}", "share": share * its, "region": region, "q_value": chosen.adjusted}
+            out.append((number, -explained, entry))
     return [entry for _, _, entry in sorted(out, key=lambda item: item[:2])]
 
 
