@@ -42,7 +42,8 @@ def test_only_rows_count_in_which_noise_is_new(model) -> None:
     assert "filtered at about" in found.notes[-1]
     assert "of all joints one row in 16 ms counts" in found.notes[-1]
     for one, other in zip(whole.fit, found.fit, strict=True):
-        assert np.flatnonzero(other.counted).tolist() == np.flatnonzero(one.counted)[::4].tolist()
+        counted = np.flatnonzero(one.counted[: ROWS - 8])[8:]  # not at the ends, where the filter met none
+        assert np.flatnonzero(other.counted).tolist() == counted[::4].tolist()
         assert other.recorded.all()
     assert [run.left_out is None for run in found.holdout] == [True] * len(whole.holdout)
 
@@ -106,6 +107,7 @@ def test_a_filter_counts_for_a_joint_beside_another_one_that_shows_it(clean, mon
     monkeypatch.setattr(filtered_rows, "steep_filters", lambda runs: [None, None])
     monkeypatch.setattr(filtered_rows, "filters_left", lambda machine, nthread: [slow, None])
     monkeypatch.setattr(filtered_rows, "filter_beside", filter_beside)
+    monkeypatch.setattr(filtered_rows, "given_back", lambda machine, filters, nthread: (machine, np.zeros(2)))
     found = thinned(dataclasses.replace(clean.machine, channels=two))
     assert [run.filters for run in found.fit] == [(slow, own)] * len(clean.machine.fit)
     assert asked == [(1, [slow, None])]

@@ -10,6 +10,7 @@ from torch_activegp.diagnosis.inputs.machine import Machine
 from torch_activegp.diagnosis.inputs.runs import Run
 from torch_activegp.diagnosis.noise.floor import filter_beside, steep_filters
 from torch_activegp.diagnosis.preparation.filters_left import filters_left
+from torch_activegp.diagnosis.preparation.smeared_motion import given_back
 
 
 def thinned(machine: Machine, nthread: int = 0) -> Machine:
@@ -29,6 +30,7 @@ def thinned(machine: Machine, nthread: int = 0) -> Machine:
         shown = [one or left for one, left in zip(found, filters_left(machine, nthread), strict=True)]
         found = [one or filter_beside(machine.fit, channel, shown) for channel, one in enumerate(shown)]
     known = {f"qpos.{joint}": one for joint, one in zip(machine.channels.joints, found, strict=True) if one is not None}
+    machine, most = given_back(machine, found, nthread)
     fit = [dataclasses.replace(run, filters=tuple(found)) for run in machine.fit]
     if not known:
         return dataclasses.replace(machine, fit=tuple(fit))
@@ -36,15 +38,23 @@ def thinned(machine: Machine, nthread: int = 0) -> Machine:
     corner = min(one.corner for one in known.values()) / period
     note = f"{', '.join(known)}: filtered at about {corner:.2g} Hz, by the spectrum. What is faster is not seen there"
     if rows > 1:
-        fit = [_apart(run, rows * period) for run in fit]
+        fit = [_apart(run, rows * period, 2 * rows) for run in fit]
         note += f", and of all joints one row in {1e3 * rows * period:.3g} ms counts, for noise is new in these"
+    if most.any():
+        names = zip(machine.channels.joints, machine.channels.units, most, strict=True)
+        taken = ", ".join(f"{size:.2g} {unit} of qpos.{joint}" for joint, unit, size in names if size)
+        note += f". The filter took up to {taken} from the motion too, which is given back as the model tells it"
     return dataclasses.replace(machine, fit=tuple(fit), notes=(*machine.notes, f"{note}. Unfiltered, they tell more."))
 
 
-def _apart(run: Run, seconds: float) -> Run:
-    """The run with rows that count so far apart at least, but for jitter."""
+def _apart(run: Run, seconds: float, ends: int) -> Run:
+    """The run with rows that count so far apart at least, but for jitter, and none of so many at its ends.
+
+    There a filter that ran forth and back has written what it took to come before and after.
+    """
     kept, last = np.zeros(len(run), dtype=bool), -np.inf
-    for row in np.flatnonzero(run.counted):
+    counted = np.flatnonzero(run.counted)
+    for row in counted[(counted >= ends) & (counted < len(run) - ends)]:
         if run.time[row] - last > seconds - 0.5 * float(np.median(run.dt)):
             kept[row], last = True, run.time[row]
     return dataclasses.replace(run, left_out=run.recorded & ~kept)
