@@ -123,3 +123,17 @@ def test_filtered_positions_of_the_model_itself_are_no_mismatch(model, monkeypat
         monkeypatch.setattr(filtered_rows, "filters_left", lambda machine, nthread: [None])
     found = diagnose(model, recordings(model, 30.0), nthread=1)
     assert (found.verdict == "none") == counts
+
+
+@pytest.mark.parametrize(("most", "scales"), [(0.0, (2e-3, 1e-3)), (5e-3, (1.5e-3, 1e-3))])
+def test_noise_is_measured_again_where_motion_was_given_back(clean, monkeypatch, most, scales) -> None:
+    """And is no louder than before, nor is there another filter."""
+    channels = dataclasses.replace(clean.machine.channels, joints=("hip", "knee"), hinge=np.array([True, True]))
+    before, after = [SteepFilter(0.1, 2e-3), SteepFilter(0.1, 1e-3)], [SteepFilter(0.3, 1.5e-3), SteepFilter(0.3, 4e-3)]
+    monkeypatch.setattr(filtered_rows, "steep_filters", lambda runs: before)
+    monkeypatch.setattr(filtered_rows, "filters_left", lambda machine, nthread: after)
+    monkeypatch.setattr(filtered_rows, "given_back", lambda machine, *_: (machine, np.array([most, 0.0])))
+    found = thinned(dataclasses.replace(clean.machine, channels=channels))
+    assert found.fit[0].filters == tuple(SteepFilter(0.1, scale) for scale in scales)
+    assert ("up to 0.005 rad of qpos.hip from the motion" in found.notes[-1]) == (most > 0.0)
+    assert "qpos.knee from" not in found.notes[-1]

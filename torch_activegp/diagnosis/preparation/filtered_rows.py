@@ -8,6 +8,7 @@ import numpy as np
 
 from torch_activegp.diagnosis.inputs.machine import Machine
 from torch_activegp.diagnosis.inputs.runs import Run
+from torch_activegp.diagnosis.inputs.steep_filter import SteepFilter
 from torch_activegp.diagnosis.noise.floor import filter_beside, steep_filters
 from torch_activegp.diagnosis.preparation.filters_left import filters_left
 from torch_activegp.diagnosis.preparation.smeared_motion import given_back
@@ -31,6 +32,9 @@ def thinned(machine: Machine, nthread: int = 0) -> Machine:
         found = [one or filter_beside(machine.fit, channel, shown) for channel, one in enumerate(shown)]
     known = {f"qpos.{joint}": one for joint, one in zip(machine.channels.joints, found, strict=True) if one is not None}
     machine, most = given_back(machine, found, nthread)
+    if most.any():  # what sharp turns left was taken for noise
+        again = filters_left(machine, nthread)
+        found = [_quieter(one, other) for one, other in zip(found, again, strict=True)]
     fit = [dataclasses.replace(run, filters=tuple(found)) for run in machine.fit]
     if not known:
         return dataclasses.replace(machine, fit=tuple(fit))
@@ -45,6 +49,11 @@ def thinned(machine: Machine, nthread: int = 0) -> Machine:
         taken = ", ".join(f"{size:.2g} {unit} of qpos.{joint}" for joint, unit, size in names if size)
         note += f". The filter took up to {taken} from the motion too, which is given back as the model tells it"
     return dataclasses.replace(machine, fit=tuple(fit), notes=(*machine.notes, f"{note}. Unfiltered, they tell more."))
+
+
+def _quieter(one: SteepFilter | None, other: SteepFilter | None) -> SteepFilter | None:
+    """A filter with the lower one of two levels of the noise, where both are known."""
+    return one if one is None or other is None else one._replace(scale=min(one.scale, other.scale))
 
 
 def _apart(run: Run, seconds: float, ends: int) -> Run:
