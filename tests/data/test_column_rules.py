@@ -31,10 +31,16 @@ def test_a_line_says_where_a_column_comes_from_and_when_it_acts() -> None:
         ("qpos.a", {"unit": "rpm"}, "map.toml, `qpos.a`: unit `rpm` is not a unit of qpos"),
         ("qpos.a", {"counts_per_turn": 4096}, "goes with counts"),
         ("ctrl.a", {"rows_late": -1}, "`rows_late` of `ctrl.a` is -1: 0 rows or more wanted"),
-        ("ctrl.a", {"hold_order": 2}, "`hold_order` of `ctrl.a` is 2: 0 or 1 wanted, of a column of ctrl or qfrc"),
-        ("qpos.a", {"hold_order": 0}, "`hold_order` of `qpos.a` is 0: .* of a column of ctrl or qfrc"),
-        ("ctrl.a", {"rows_late": 0.5}, "`rows_late` of `ctrl.a` is 0.5: int wanted"),
-        ("qpos.a", {"rows_late": 1}, "`rows_late` of `qpos.a` is 1: .* of a column of ctrl or qfrc"),
+        (
+            "ctrl.a",
+            {"hold_order": 2},
+            r"`hold_order` of `ctrl.a` is 2: 0 \(held\), 1 \(evenly .*\) or 3 \(smoothly, a cubic spline\) wanted",
+        ),
+        ("qpos.a", {"hold_order": 0}, "`hold_order` of `qpos.a`: a column of ctrl or qfrc wanted; no other has it"),
+        ("ctrl.a", {"rows_late": 0.5}, "`rows_late` of `ctrl.a` is 0.5: 0 rows or more wanted"),
+        ("ctrl.a", {"hold_order": "first"}, r"`hold_order` of `ctrl.a` is 'first': 0 \(held\), 1"),
+        ("ctrl.a", {"hold_order": True}, "`hold_order` of `ctrl.a` is True: 0"),
+        ("qpos.a", {"rows_late": 1}, "`rows_late` of `qpos.a`: a column of ctrl or qfrc wanted"),
     ],
 )
 def test_a_line_that_cannot_be_used_is_refused(key: str, line: object, message: str) -> None:

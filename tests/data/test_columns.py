@@ -82,6 +82,20 @@ def test_a_command_that_changes_evenly_holds_its_mean_to_the_next_row_of_its_run
         assert found["qfrc.slide"].tolist() == raw["u"].tolist()[: len(found)]
 
 
+def test_a_smooth_command_holds_the_means_of_a_spline_within_its_run() -> None:
+    time = np.arange(40) * 0.05
+    raw = pd.DataFrame({"time": np.tile(time, 2), "run": ["a"] * 40 + ["b"] * 40, "u": np.sin(np.tile(time, 2) * 4)})
+    raw.loc[40:, "u"] += 7.0
+    found = ColumnMap.from_mapping({"ctrl": {"motor": {"column": "u", "hold_order": 3}}}).apply(raw, "a.csv")
+    means = (np.cos(4 * time[:-1]) - np.cos(4 * time[1:])) / (4 * 0.05)
+    for first, more in ((0, 0.0), (40, 7.0)):
+        own = found["ctrl.motor"].to_numpy()[first : first + 40] - more
+        np.testing.assert_allclose(own[:-1], means, atol=3e-4)
+        assert own[-1] == pytest.approx(raw["u"][39])
+    few = ColumnMap.from_mapping({"ctrl": {"motor": {"column": "u", "hold_order": 3}}}).apply(raw[:3], "a.csv")
+    np.testing.assert_allclose(few["ctrl.motor"][:2], 0.5 * (raw["u"][:2] + raw["u"][1:3].to_numpy()))
+
+
 def test_a_map_says_which_joints_are_prescribed() -> None:
     """Such a map is one: it leaves columns out."""
     columns = ColumnMap.from_mapping({"prescribed": ["slide"]})

@@ -36,7 +36,10 @@ _SETTINGS: dict[str, tuple[type, ...]] = {
 }
 _HELD = ("ctrl", "qfrc")
 """Kinds of column that act from row to row, and may be late by some."""
-_IN_TIME = {"rows_late": (range(sys.maxsize), "0 rows or more"), "hold_order": (range(2), "0 or 1")}
+_IN_TIME = {
+    "rows_late": (range(sys.maxsize), "0 rows or more"),
+    "hold_order": ((0, 1, 3), "0 (held), 1 (evenly to the next row) or 3 (smoothly, a cubic spline)"),
+}
 """Settings of these alone: what they may be."""
 
 
@@ -57,19 +60,24 @@ def read_rule(key: str, value: object, name: str) -> ColumnRule:
     for setting, content in settings.items():
         if setting not in _SETTINGS:
             raise DataError(f"{name}: `{key}` has an unknown setting `{setting}`: use {', '.join(_SETTINGS)}.")
-        if isinstance(content, bool) or not isinstance(content, _SETTINGS[setting]):
+        if setting in _IN_TIME:
+            _check_in_time(key, setting, content, name)
+        elif isinstance(content, bool) or not isinstance(content, _SETTINGS[setting]):
             raise DataError(f"{name}: `{setting}` of `{key}` is {content!r}: {_SETTINGS[setting][0].__name__} wanted.")
     if key == "run":
         return ColumnRule(settings.get("column", key))
     in_time = {setting: settings[setting] for setting in _IN_TIME if setting in settings}
-    for setting, value in in_time.items():
-        allowed, wanted = _IN_TIME[setting]
-        if value not in allowed or key.partition(".")[0] not in _HELD:
-            raise DataError(
-                f"{name}: `{setting}` of `{key}` is {value}: {wanted} wanted, of a column of {' or '.join(_HELD)}."
-            )
     offset = float(settings.get("offset", 0.0))
     return ColumnRule(settings.get("column", key), _factor(key, settings, name), offset, **in_time)
+
+
+def _check_in_time(key: str, setting: str, value: object, name: str) -> None:
+    """Refuses settings of columns that act from row to row, where they are of another column or none of the allowed."""
+    allowed, wanted = _IN_TIME[setting]
+    if key.partition(".")[0] not in _HELD:
+        raise DataError(f"{name}: `{setting}` of `{key}`: a column of {' or '.join(_HELD)} wanted; no other has it.")
+    if isinstance(value, bool) or not isinstance(value, int) or value not in allowed:
+        raise DataError(f"{name}: `{setting}` of `{key}` is {value!r}: {wanted} wanted.")
 
 
 def _factor(key: str, settings: Mapping[str, Any], name: str) -> float:

@@ -24,8 +24,9 @@ A TOML file with one line for each canonical column. The value is the file's own
 ``rows_late``       of controls and forces: by how many rows the file has them too late; 1 where a row holds the command
                     that led to its position. They are moved up by so many; the last one is held
 ``hold_order``      of controls and forces: 0, the default, where a value holds from its row until the next (zero-order
-                    hold); 1 where it changes evenly to the next row's (first-order hold), as samples of a continuous
-                    command do. Then the mean of the two is held, which moves the machine as far to second order
+                    hold); 1 where it changes evenly to the next row's (first-order hold); 3 where the rows hold samples
+                    of a smooth command, along a cubic spline. Then its mean from row to row is held, which moves the
+                    machine as far to second order. Behind `rows_late`, where both are given
 ==================  ================================================================================================
 
 The value is ``sign * scale * unit * raw + offset``. Columns of the file that already have canonical names are taken as
@@ -44,6 +45,7 @@ from typing import Any
 
 import numpy as np
 import pandas as pd
+from scipy.interpolate import make_interp_spline
 
 from torch_activegp.data.checks import KINDS, check_finite, is_canonical
 from torch_activegp.data.column_rules import ColumnRule, read_rule
@@ -137,7 +139,7 @@ class ColumnMap:
             if rule.rows_late:
                 found[key] = _earlier(found[key], runs, rule, where)
             if rule.hold_order:
-                found[key] = 0.5 * (found[key] + _moved_up(found[key], runs, 1))
+                found[key] = _means(found[key], found["time"] if "time" in found else None, runs, rule.hold_order)
         return found
 
     def unused(self, table: pd.DataFrame) -> list[str]:
@@ -166,6 +168,22 @@ def _earlier(values: pd.Series, runs: Any, rule: ColumnRule, where: str) -> pd.S
             f"found {shortest}."
         )
     return _moved_up(values, runs, rule.rows_late)
+
+
+def _means(values: pd.Series, time: pd.Series | None, runs: Any, order: int) -> pd.Series:
+    """Means from each row to the next of splines through a column, within each run; the last value is held.
+
+    Where a run has no more rows than the order, or no clock that goes on, of straight lines between rows.
+    """
+    means = 0.5 * (values + _moved_up(values, runs, 1))
+    if order == 1 or time is None:
+        return means
+    for _, own in values.groupby(runs, sort=False):
+        clock = time[own.index].to_numpy()
+        if len(own) > order and (np.diff(clock) > 0.0).all():
+            integral = make_interp_spline(clock, own.to_numpy(), order).antiderivative()(clock)
+            means[own.index[:-1]] = np.diff(integral) / np.diff(clock)
+    return means
 
 
 def _moved_up(values: pd.Series, runs: Any, rows: int) -> pd.Series:

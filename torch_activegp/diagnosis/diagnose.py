@@ -13,7 +13,7 @@ from torch_activegp.diagnosis.checkpoint import Checkpoint
 from torch_activegp.diagnosis.findings.entries import named_effects, recording_entries, retuned_entries, rival_entries
 from torch_activegp.diagnosis.findings.evidence import laws, map_region, map_time
 from torch_activegp.diagnosis.findings.forecast import compare, without_model
-from torch_activegp.diagnosis.findings.late_controls import doubt_places, doubt_rows, doubt_signs
+from torch_activegp.diagnosis.findings.late_controls import doubt_rows
 from torch_activegp.diagnosis.findings.locate import entries, locate, somewhere
 from torch_activegp.diagnosis.findings.notes import outcome_notes, search_notes
 from torch_activegp.diagnosis.findings.numerics_note import numerics_notes
@@ -21,6 +21,7 @@ from torch_activegp.diagnosis.findings.proposal import propose
 from torch_activegp.diagnosis.findings.reconsider import reconsider
 from torch_activegp.diagnosis.findings.remainder import Outcome, misleads, model_remainder
 from torch_activegp.diagnosis.findings.short_steps import numbers_of
+from torch_activegp.diagnosis.findings.turned_controls import doubt_places, doubt_signs
 from torch_activegp.diagnosis.findings.unseen import is_predictable, marked
 from torch_activegp.diagnosis.findings.verdict import Verdict, decide
 from torch_activegp.diagnosis.findings.words import sentence, unforeseen

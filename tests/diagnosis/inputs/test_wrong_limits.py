@@ -52,6 +52,8 @@ def test_a_control_far_beyond_the_models_limits_is_doubted_and_one_less_far_is_n
     assert (bool(doubts), bool(notes)) == (doubted, noted)
     if scale == 900.0 and doubted:
         assert doubts[0].startswith("run, column `ctrl.push`: -900 to 900, in 99% of the rows beyond the model's own")
+    if scale == 1.3 and doubted:
+        assert "With the other sign it is within: if so, say ctrl.push = { sign = -1 }" in doubts[0]
     if scale == 1.3 and noted:
         assert notes[0].startswith("run, column `ctrl.push`: -0.8 to 1.8, in 34% of the rows beyond")
 

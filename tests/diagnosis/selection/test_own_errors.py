@@ -105,3 +105,27 @@ def test_a_correction_is_taken_anew_while_a_close_set_gets_better_by_it(bench, f
     by_their_own_errors(working, precise.engine, selection)
     assert selection.of(wet.effects).chi2 == pytest.approx(wet.chi2 - fell)
     assert selection.of(drag.effects).chi2 == drag.chi2
+
+
+@pytest.mark.parametrize(("other", "chosen"), [(1.05, ""), (1.2, "soft")])
+def test_another_form_of_the_best_names_is_compared_by_its_own_correction_too(
+    bench, forms, monkeypatch, other: float, chosen: str
+) -> None:
+    """The soft form had the firm one's correction."""
+    precise, cheap = forms
+    firm = bench.fit("coulomb_friction", 0.03)
+    (soft,) = (e for e in bench.effects if e.key == firm.effects[0].key and e.variant == "soft")
+    best = dataclasses.replace(firm, effects=(soft,))
+    firm = dataclasses.replace(firm, chi2=other * best.chi2)
+    selection = Selection(bench.nominal, [bench.nominal, best, firm], Score(precise.samples, 10, 1.0))
+    assert selection.best is best
+    working, asked = cheap.corrected(precise.engine, best), []
+
+    def fit_again(shooting, _, fit):
+        asked.append(fit.effects[0].variant)
+        return working, dataclasses.replace(fit, chi2=(1.3 if fit.effects == (soft,) else 1.0) * fit.chi2)
+
+    monkeypatch.setattr(module, "settled", fit_again)
+    by_their_own_errors(working, precise.engine, selection)
+    assert selection.best.effects[0].variant == chosen
+    assert set(asked) == ({"soft", ""} if not chosen else {"soft"})

@@ -25,9 +25,9 @@ _MOST = 0.75
 _TO_AND_FRO = {"hysteresis": "hysteresis", "asymmetric_friction": "friction that differs between the directions"}
 _AFTER_UNKNOWN = (
     "Where to look now, in this order: signs and units of each column{slips}; rows that hold the command that led to "
-    "them (`rows_late = 1` in a column map), or samples of one that changes all the time (`hold_order = 1`); joints, "
-    "controls or loads that moved or changed and were not recorded; then physics that is not on the list, for which "
-    "the map says where and when (docs/diagnosis.md, After `unknown`)."
+    "them (`rows_late = 1` in a column map), or samples of a smooth one (`hold_order = 3`); limits of controls "
+    "(ctrlrange) that the drive does not have; joints, controls or loads that moved or changed and were not recorded; "
+    "then physics that is not on the list, for which the map says where and when (docs/diagnosis.md, After `unknown`)."
 )
 _SLIPS = ", for those of controls, and slips of ten such as cm for mm, are not always recognised"
 _QUIET, _FAR_OFF = 2.0, 10.0

@@ -14,8 +14,8 @@ from torch_activegp.diagnosis.inputs.runs import Array, input_addresses
 _MOSTLY, _FAR = 0.5, 2.0
 """Part of the rows beyond a model's limits by so many times the range between them from which on a control is doubted.
 A controller's commands, logged as they are before the drive's limit, are beyond it as often, and not by so much."""
-_NOTED = 0.1
-"""Part of the rows beyond them from which on it is noted."""
+_NOTED, _FEW = 0.1, 0.01
+"""Part of the rows beyond them from which on it is noted, and part that is next to none."""
 
 
 def doubt_limits(model: mujoco.MjModel, recordings: Sequence[Recording]) -> list[str]:
@@ -31,9 +31,8 @@ def doubt_limits(model: mujoco.MjModel, recordings: Sequence[Recording]) -> list
         Sentences.
     """
     return [
-        f"{where}, where it is clipped: far beyond. If the unit is another one, the sign, or the column another "
-        "actuator's, say so in its line of a column map (--columns MAP.toml); else mend the model."
-        for where in _beyond(model, recordings, _is_far)
+        f"{where}, where it is clipped: far beyond. {_mend(name, rows, limits)}"
+        for name, rows, limits, where in _beyond(model, recordings, _is_far)
     ]
 
 
@@ -49,7 +48,7 @@ def clipping_notes(model: mujoco.MjModel, recordings: Sequence[Recording]) -> li
     """
     return [
         f"{where}, to which it is clipped, as MuJoCo does. If the drive gives more than that, mend the model."
-        for where in _beyond(model, recordings, _is_clipped)
+        for *_, where in _beyond(model, recordings, _is_clipped)
     ]
 
 
@@ -61,23 +60,41 @@ def _is_far(rows: Array, low: float, high: float) -> bool:
 
 def _is_clipped(rows: Array, low: float, high: float) -> bool:
     """Whether many rows are beyond limits, and not far so."""
-    return bool(np.mean((rows < low) | (rows > high)) > _NOTED) and not _is_far(rows, low, high)
+    return _share(rows, low, high) > _NOTED and not _is_far(rows, low, high)
+
+
+def _share(rows: Array, low: float, high: float) -> float:
+    """The part of some rows that is beyond limits."""
+    return float(np.mean((rows < low) | (rows > high)))
+
+
+def _mend(name: str, rows: Array, limits: tuple[float, float]) -> str:
+    """What to do about a control that is far beyond its limits."""
+    if _share(-rows, *limits) < _FEW:
+        return (
+            f"With the other sign it is within: if so, say ctrl.{name} = {{ sign = -1 }} in a column map (--columns)."
+        )
+    return (
+        "If the unit is another one, or the column another actuator's, say so in its line of a column map (--columns "
+        "MAP.toml); else mend the model."
+    )
 
 
 def _beyond(
     model: mujoco.MjModel, recordings: Sequence[Recording], asked: Callable[[Array, float, float], bool]
-) -> list[str]:
-    """The beginnings of sentences on controls whose rows and limits are so in some recordings, and how often beyond."""
+) -> list[tuple[str, Array, tuple[float, float], str]]:
+    """Controls whose rows and limits are so in some recordings: names, all rows, limits, beginnings of sentences."""
     found, (least, most) = [], control_limits(model)
     for name, at in input_addresses(model).items():
-        column, low, high = f"ctrl.{name}", float(least[at]), float(most[at])
+        column, limits = f"ctrl.{name}", (float(least[at]), float(most[at]))
         those = [(run.label, run[column].numpy()) for run in recordings if column in run]
-        beyond = [(label, rows) for label, rows in those if np.isfinite([low, high]).all() and asked(rows, low, high)]
+        beyond = [(label, rows) for label, rows in those if np.isfinite(limits).all() and asked(rows, *limits)]
         if beyond:
-            (first, rows), more = beyond[0], len(beyond) - 1
-            found.append(
-                f"{first}{f' and {more} more' if more else ''}, column `{column}`: {rows.min():.3g} to "
-                f"{rows.max():.3g}, in {np.mean((rows < low) | (rows > high)):.0%} of the rows beyond the model's own "
-                f"limits (ctrlrange, {low:.3g} to {high:.3g})"
+            every, more = np.concatenate([rows for _, rows in beyond]), len(beyond) - 1
+            where = (
+                f"{beyond[0][0]}{f' and {more} more' if more else ''}, column `{column}`: {every.min():.3g} to "
+                f"{every.max():.3g}, in {_share(every, *limits):.0%} of the rows beyond the model's own limits "
+                f"(ctrlrange, {limits[0]:.3g} to {limits[1]:.3g})"
             )
+            found.append((name, every, limits, where))
     return found
