@@ -147,6 +147,13 @@ class ColumnMap:
         taken = {rule.column for rule in self.rules.values()}
         return [str(name) for name in table.columns if name not in taken and not is_canonical(str(name))]
 
+    def notes(self, table: pd.DataFrame) -> list[str]:
+        """What to know of how it reads a raw table: which columns are left out, and which are not held."""
+        unused = self.unused(table)
+        moving = [f"{key} (hold_order = {rule.hold_order})" for key, rule in self.rules.items() if rule.hold_order]
+        out = [f"Columns left out: {', '.join(unused)}."] if unused else []
+        return out + ([f"Taken to change from row to row: {', '.join(moving)}."] if moving else [])
+
     def _column(self, table: pd.DataFrame, key: str, rule: ColumnRule, where: str) -> Any:
         if rule.column not in table.columns:
             raise DataError(

@@ -71,8 +71,7 @@ def _load(path: Path, chosen: ColumnMap | None) -> Iterator[Recording]:
     raw = read_table(path)
     columns = chosen or known_map(raw) or ColumnMap()
     table = columns.apply(raw, path.name)
-    unused = columns.unused(raw)
-    notes = [f"Columns left out: {', '.join(unused)}."] if unused else []
+    notes = columns.notes(raw)
     if "run" not in table:
         yield from _split(table, path, None, notes, columns)
         return

@@ -13,7 +13,7 @@ from torch_activegp.diagnosis.checkpoint import Checkpoint
 from torch_activegp.diagnosis.findings.entries import named_effects, recording_entries, retuned_entries, rival_entries
 from torch_activegp.diagnosis.findings.evidence import laws, map_region, map_time
 from torch_activegp.diagnosis.findings.forecast import compare, without_model
-from torch_activegp.diagnosis.findings.late_controls import doubt_rows
+from torch_activegp.diagnosis.findings.late_controls import doubt_rows, half_a_row
 from torch_activegp.diagnosis.findings.locate import entries, locate, somewhere
 from torch_activegp.diagnosis.findings.notes import outcome_notes, search_notes
 from torch_activegp.diagnosis.findings.numerics_note import numerics_notes
@@ -200,6 +200,7 @@ def _report(
         "notes": [
             *machine.notes,
             *late,
+            *half_a_row(judgement, machine.notes, median_step(machine.fit)),
             *numerics_notes(explanation, machine, chosen, holdout),
             *search_notes(explanation, chosen.effects),
             *outcome_notes(explanation, judgement.verdict, remains, holdout, machine.model),

@@ -1,11 +1,13 @@
 from __future__ import annotations
 
 import dataclasses
-import importlib
+from types import SimpleNamespace
 
 import numpy as np
+import pandas as pd
 import pytest
 
+from torch_activegp.data import ColumnMap
 from torch_activegp.diagnosis import diagnose
 from torch_activegp.diagnosis.findings import late_controls as module
 from torch_activegp.diagnosis.findings.late_controls import doubt_rows
@@ -116,3 +118,24 @@ def test_a_log_of_commands_that_led_to_their_rows_is_told_first(record, model) -
     found = diagnose(model, runs, nthread=1)
     assert found.verdict == "unknown"
     assert "Check the recordings first: The controls seem to be logged a row late" in found.sentence
+
+
+@pytest.mark.parametrize(
+    ("name", "seconds", "order", "said"),
+    [
+        ("actuator_delay", 0.005, 1, True),
+        ("actuator_delay", 0.0062, 3, True),
+        ("actuator_delay", 0.008, 1, False),
+        ("actuator_delay", 0.005, 0, False),
+        ("viscous_friction", 0.005, 1, False),
+    ],
+)
+def test_a_delay_of_half_a_row_is_doubted_where_controls_are_not_held(bench, name, seconds, order, said: bool) -> None:
+    effect = bench.effect(name)
+    judgement = SimpleNamespace(named=(effect,), fit=SimpleNamespace(by_effect={effect: np.array([seconds])}))
+    columns = ColumnMap.from_mapping({"ctrl.drive": {"hold_order": order}, "time": "t"})
+    notes = columns.notes(pd.DataFrame({"t": [0.0], "ctrl.drive": [0.0]}))
+    found = module.half_a_row(judgement, [f"run: {note}" for note in notes], 0.01)
+    assert bool(found) is said
+    if said:
+        assert "actuator_delay at actuator:drive is about half a row (5 ms)" in found[0]

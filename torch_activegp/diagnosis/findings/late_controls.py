@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import functools
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -13,7 +13,9 @@ from scipy.interpolate import make_interp_spline
 from torch_activegp.diagnosis.findings.changed_controls import driven, parts_of, with_controls
 from torch_activegp.diagnosis.findings.doubts import MUCH_LEFT
 from torch_activegp.diagnosis.inputs.runs import Array, Run
+from torch_activegp.diagnosis.preparation.late import LIKE_A_TIME_STEP
 from torch_activegp.diagnosis.selection.explain import Explanation
+from torch_activegp.diagnosis.selection.judge import Judgement
 
 _BETTER, _MUCH_BETTER = 0.5, 0.1
 """Parts of what is left otherwise that controls a row earlier may leave to be doubted, where that is little and where
@@ -21,6 +23,8 @@ it is much: a machine does not act before it is told to, so nothing on the list 
 a row earlier left 6 for 48 times the noise. Commands that were logged before a limiter left 1e5 for 4e5."""
 _CLEARLY = 0.95
 """Part of what another reading leaves that one must leave to be told in its place."""
+_ABOUT_HALF = 0.15
+"""Rows by which a delay may be off half a one."""
 _TOLD = 3
 """So many columns are written out."""
 
@@ -143,3 +147,25 @@ def _left_so(explanation: Explanation, change: Callable[[Run], Run]) -> tuple[fl
         if not (after < _BETTER * before or as_well) or after > max(MUCH_LEFT, _MUCH_BETTER * before):
             return None
     return after, before
+
+
+def half_a_row(judgement: Judgement, notes: Sequence[str], step: float) -> list[str]:
+    """Doubts a named delay of half a row where controls are said to change from row to row: held ones look like that.
+
+    A staircase that was read so was a `sensor_delay` of 5.6 ms at 100 Hz, where nothing was missing.
+
+    Args:
+        judgement: the verdict.
+        notes: on the recordings, which say so.
+        step: the time between rows, s.
+    """
+    values = judgement.fit.by_effect
+    late = [effect for effect in judgement.named if effect.name in LIKE_A_TIME_STEP]
+    half = [effect for effect in late if abs(values[effect][0] / step - 0.5) < _ABOUT_HALF]
+    if not half or not any("(hold_order = " in note for note in notes):
+        return []
+    name, target = half[0].key
+    return [
+        f"{name} at {target} is about half a row ({0.5e3 * step:.3g} ms): controls that are held and are read as if they "
+        "changed from row to row look like that. If they are held, take `hold_order` out of the column map."
+    ]
