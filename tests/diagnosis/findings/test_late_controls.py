@@ -18,8 +18,6 @@ from torch_activegp.diagnosis.shooting.likelihood import Shooting
 from torch_activegp.diagnosis.shooting.score import Score
 from torch_activegp.diagnosis.simulation.candidate import NOMINAL
 
-diagnosing = importlib.import_module("torch_activegp.diagnosis.diagnose")
-
 
 def explained(clean, rows: float, driven: bool = True) -> Explanation:
     """What the model itself would have recorded with little noise, its controls so many rows late; nothing is named.

@@ -166,6 +166,6 @@ def half_a_row(judgement: Judgement, notes: Sequence[str], step: float) -> list[
         return []
     name, target = half[0].key
     return [
-        f"{name} at {target} is about half a row ({0.5e3 * step:.3g} ms): controls that are held and are read as if they "
-        "changed from row to row look like that. If they are held, take `hold_order` out of the column map."
+        f"{name} at {target} is about half a row ({0.5e3 * step:.3g} ms): controls that are held and are read as if "
+        "they changed from row to row look like that. If they are held, take `hold_order` out of the column map."
     ]
