@@ -129,7 +129,7 @@ def test_a_log_of_commands_that_led_to_their_rows_is_told_first(record, model) -
     ],
 )
 def test_a_delay_of_half_a_row_is_doubted_where_controls_are_not_held(bench, name, seconds, order, said: bool) -> None:
-    effect = bench.effect(name)
+    effect = bench.effect(name, "actuator:drive" if name == "actuator_delay" else "joint:hip")
     judgement = SimpleNamespace(named=(effect,), fit=SimpleNamespace(by_effect={effect: np.array([seconds])}))
     columns = ColumnMap.from_mapping({"ctrl.drive": {"hold_order": order}, "time": "t"})
     notes = columns.notes(pd.DataFrame({"t": [0.0], "ctrl.drive": [0.0]}))
