@@ -59,9 +59,20 @@ def test_smooth_commands_are_means_of_a_spline_through_their_rows(clean) -> None
     found = module._smoothly(dataclasses.replace(run, control=wave)).control
     even = module._evenly(dataclasses.replace(run, control=wave)).control
     assert np.abs(found - means)[3:-3].max() < 1e-4 < np.abs(even - means)[3:-3].max()
-    assert found[-1] == wave[-1]
-    short = dataclasses.replace(run, control=wave[:3], force=run.force[:3], time=run.time[:4])
+    few = {name: getattr(run, name)[:4] for name in ("time", "recorded", "position")}
+    short = dataclasses.replace(run, control=wave[:3], force=run.force[:3], **few)
     np.testing.assert_array_equal(module._smoothly(short).control, module._evenly(short).control)
+
+
+def test_controls_of_a_slower_run_change_to_its_next_row(clean) -> None:
+    """As `hold_order` has it: on the clock of a faster one each row of it is two."""
+    run = clean.machine.fit[0]
+    held = np.repeat(np.arange(len(run) // 2), 2)[: len(run) - 1, None].astype(float)
+    slow = dataclasses.replace(run, control=held, recorded=np.arange(len(run)) % 2 == 0)
+    np.testing.assert_array_equal(module._evenly(slow).control[:-4], held[:-4] + 0.5)
+    np.testing.assert_allclose(
+        module._smoothly(slow).control[:-4, 0], held[:-4, 0] + 0.25 + 0.5 * (np.arange(len(held) - 4) % 2)
+    )
 
 
 @pytest.mark.parametrize(

@@ -58,6 +58,16 @@ def test_a_control_far_beyond_the_models_limits_is_doubted_and_one_less_far_is_n
         assert notes[0].startswith("run, column `ctrl.push`: -0.8 to 1.8, in 34% of the rows beyond")
 
 
+def test_a_run_beyond_an_end_is_no_doubt_where_another_one_is_within_or_all_are_just_beyond() -> None:
+    model, out, near, within = model_of("-1 1"), record(0.5, 2.0), record(0.02, 1.07), record(0.5)
+    assert len(doubt_limits(model, [out, out])) == 1
+    for runs in ([out, within], [near, near]):
+        assert doubt_limits(model, runs) == []
+        assert len(clipping_notes(model, runs)) == 1
+    far = record(900.0)
+    assert clipping_notes(model, [far, out, within]) == []  # for it is doubted
+
+
 @pytest.mark.parametrize("first", [1.0, 100.0])
 def test_one_of_several_recordings_of_one_name_is_enough(first: float) -> None:
     model, runs = model_of("-9.5 9.5"), [record(9.0 * first), record(900.0 / first), record(900.0)]

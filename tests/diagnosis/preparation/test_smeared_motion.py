@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import copy
+import dataclasses
 
 import mujoco
 import numpy as np
@@ -15,6 +16,7 @@ from torch_activegp.diagnosis.inputs.machine import Machine, make_machine
 from torch_activegp.diagnosis.inputs.runs import Channels, make_run
 from torch_activegp.diagnosis.inputs.segments import cut
 from torch_activegp.diagnosis.inputs.steep_filter import SteepFilter
+from torch_activegp.diagnosis.preparation import smeared_motion as module
 from torch_activegp.diagnosis.preparation.filtered_rows import thinned
 from torch_activegp.diagnosis.preparation.smeared_motion import given_back
 from torch_activegp.diagnosis.simulation.candidate import NOMINAL
@@ -64,6 +66,32 @@ def test_what_a_filter_took_from_sharp_turns_is_given_back(model, damping: float
         off = [np.abs(run.position[60:-60, 0] - path[60:-60]).max() for run in (before, after)]
         assert off[0] > 2e-3
         assert off[1] < 2 * NOISE
+
+
+@pytest.mark.parametrize(("gain", "limit"), [(0.6, np.inf), (1.4, np.inf), (1.0, 5.0)])
+def test_nothing_is_given_back_where_the_nominal_turns_otherwise(model, gain: float, limit: float) -> None:
+    """For what is missing is where the knock comes from: given back, it would be the nominal's."""
+    truth = copy.copy(model)
+    truth.actuator_gear[0, 0] *= gain
+    truth.actuator_forcelimited[0], truth.actuator_forcerange[0] = np.isfinite(limit), (-min(limit, 99), min(limit, 99))
+    machine = machine_of(model, truth)
+    found, most = given_back(machine, [FILTER], 1)
+    assert most.tolist() == [0.0]
+    np.testing.assert_array_equal(found.fit[0].position, machine.fit[0].position)
+
+
+def test_nothing_is_given_back_by_an_uneven_clock(model, monkeypatch) -> None:
+    monkeypatch.setattr(module, "uneven", lambda run: run.label == "run1")
+    machine = machine_of(model, model)
+    assert given_back(machine, [FILTER], 1)[0] is machine
+
+
+def test_rows_that_do_not_count_have_no_say(model) -> None:
+    """Here all but a few: what these show is too uncertain."""
+    machine = machine_of(model, model)
+    lost = np.arange(ROWS) > 300
+    blind = tuple(dataclasses.replace(run, left_out=lost) for run in machine.fit)
+    assert given_back(dataclasses.replace(machine, fit=blind), [FILTER], 1)[1].tolist() == [0.0]
 
 
 def test_held_out_runs_have_no_say(model) -> None:

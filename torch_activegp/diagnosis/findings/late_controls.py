@@ -38,20 +38,23 @@ def _earlier(run: Run) -> Run:
 
 
 def _evenly(run: Run) -> Run:
-    """The run with controls and forces that change evenly from each row to the next: the means of both are held."""
-    control, force = (0.5 * (held + np.concatenate([held[1:], held[-1:]])) for held in (run.control, run.force))
+    """The run with controls and forces that change evenly to the next row that was recorded: the means are held."""
+    next_one = _earlier(run)
+    control, force = 0.5 * (run.control + next_one.control), 0.5 * (run.force + next_one.force)
     return dataclasses.replace(run, control=control, force=force)
 
 
 def _smoothly(run: Run) -> Run:
-    """The run with controls and forces along cubic splines through their rows: the means from row to row are held."""
-    clock = run.time[:-1]
-    if len(clock) < 4:
+    """The run with the means from row to row of controls and forces along cubic splines through recorded rows."""
+    known = np.flatnonzero(run.recorded[:-1])
+    if len(known) < 4:
         return _evenly(run)
+    clock = np.minimum(run.time, run.time[known[-1]])
 
     def means(held: Array) -> Array:
-        along = make_interp_spline(clock, held, 3).antiderivative()(clock)
-        return np.concatenate([np.diff(along, axis=0) / np.diff(clock)[:, None], held[-1:]])
+        along = make_interp_spline(run.time[known], held[known], 3).antiderivative()(clock)
+        steps = np.diff(clock)[:, None]
+        return np.where(steps > 0.0, np.diff(along, axis=0) / np.where(steps > 0.0, steps, 1.0), held)
 
     return dataclasses.replace(run, control=means(run.control), force=means(run.force))
 

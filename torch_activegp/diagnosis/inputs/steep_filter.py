@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import signal
 
-_LONG = 3.0
+REACH = 3.0
 """Periods of the corner on either side, beyond which it takes next to nothing from."""
 _FINE = 2048
 
@@ -36,7 +36,7 @@ class SteepFilter(NamedTuple):
         order, times = self.order
         sections = signal.butter(order, 2.0 * self.corner, output="sos")
         gain = np.abs(signal.sosfreqz(sections, np.linspace(0.0, np.pi, _FINE + 1))[1]) ** times
-        reach = min(int(_LONG / self.corner), _FINE - 1, len(positions) - 1)
+        reach = min(int(REACH / self.corner), _FINE - 1, len(positions) - 1)
         kernel = np.roll(np.fft.irfft(gain), reach)[: 2 * reach + 1]
         around = np.pad(positions, reach, mode="reflect", reflect_type="odd")
         return np.convolve(around, kernel / kernel.sum(), "valid")

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import math
 
 import numpy as np
 
@@ -34,7 +35,7 @@ def thinned(machine: Machine, nthread: int = 0) -> Machine:
     machine, most = given_back(machine, found, nthread)
     if most.any():  # what sharp turns left was taken for noise
         again = filters_left(machine, nthread)
-        found = [_quieter(one, other) for one, other in zip(found, again, strict=True)]
+        found = [_quieter(*pair) if size else pair[0] for *pair, size in zip(found, again, most, strict=True)]
     fit = [dataclasses.replace(run, filters=tuple(found)) for run in machine.fit]
     if not known:
         return dataclasses.replace(machine, fit=tuple(fit))
@@ -47,20 +48,25 @@ def thinned(machine: Machine, nthread: int = 0) -> Machine:
     if most.any():
         names = zip(machine.channels.joints, machine.channels.units, most, strict=True)
         taken = ", ".join(f"{size:.2g} {unit} of qpos.{joint}" for joint, unit, size in names if size)
-        note += f". The filter took up to {taken} from the motion too, which is given back as the model tells it"
+        note += f". The filter took up to {taken} from the motion too, which is given back as the model tells it, to "
+        note += "held-out runs also"
     return dataclasses.replace(machine, fit=tuple(fit), notes=(*machine.notes, f"{note}. Unfiltered, they tell more."))
 
 
 def _quieter(one: SteepFilter | None, other: SteepFilter | None) -> SteepFilter | None:
-    """A filter with the lower one of two levels of the noise, where both are known."""
-    return one if one is None or other is None else one._replace(scale=min(one.scale, other.scale))
+    """A filter with the lower one of two levels of the noise below its corner, where both are known."""
+    if one is None or other is None:
+        return one
+    return one._replace(scale=min(one.scale, other.scale * math.sqrt(one.corner / other.corner)))
 
 
 def _apart(run: Run, seconds: float, ends: int) -> Run:
     """The run with rows that count so far apart at least, but for jitter, and none of so many at its ends.
 
-    There a filter that ran forth and back has written what it took to come before and after.
+    There a filter that ran forth and back has written what it took to come before and after. Of a short piece, which
+    may have been cut from a longer run behind the filter, a tenth at most does not count.
     """
+    ends = min(ends, len(run) // 10)
     kept, last = np.zeros(len(run), dtype=bool), -np.inf
     counted = np.flatnonzero(run.counted)
     for row in counted[(counted >= ends) & (counted < len(run) - ends)]:
