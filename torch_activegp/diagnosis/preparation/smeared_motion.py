@@ -26,7 +26,7 @@ _QUICKEST = 0.49
 """Below half the sampling rate."""
 _ALIKE, _SURE = 0.2, 0.1
 """How far from one, and how uncertain, the part may be of the nominal's motion about the corner, behind the filter,
-that recordings have. On eight machines without a friction, a load or nothing it was 0.85 to 1.06; where sharp turns
+that recordings have. On seven machines without a friction, a load or nothing it was 0.85 to 1.06; where sharp turns
 came from what was missing (a drive's limit, lag or gain) 0.1, 0.4, 0.6 and 1.4: there it knows none of them."""
 
 Filters = Sequence[SteepFilter | None]
