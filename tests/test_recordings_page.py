@@ -41,7 +41,7 @@ def test_every_map_on_the_page_can_be_read_and_flips_what_it_says() -> None:
     first, *others = [tomllib.loads(block) for block in re.findall(r"```toml\n(.*?)```", PAGE, flags=re.DOTALL)]
     for mapping in others:
         ColumnMap.from_mapping(mapping)
-    drives = {"u": [1.0, 2.0], "v": [3.0, 4.0], "qfrc.slide": [0.0, 1.0]}
+    drives = {"u": [1.0, 2.0], "v": [3.0, 4.0], "pot": [5.0, 6.0], "qfrc.slide": [0.0, 1.0]}
     encoders = {"enc1": [0, 1024], "enc2": [0, 1000], "x": [0.0, 1000.0]}
     raw = pd.DataFrame({"t": [0, 10], "trial": ["slow", "slow"], **encoders, **drives})
     table = ColumnMap.from_mapping(first).apply(raw, "raw.csv")
@@ -52,4 +52,5 @@ def test_every_map_on_the_page_can_be_read_and_flips_what_it_says() -> None:
     assert table["run"].tolist() == ["slow", "slow"]
     assert table["ctrl.motor"].tolist() == [-1.0, -2.0]
     assert table["ctrl.valve"].tolist() == [4.0, 4.0]
+    assert table["ctrl.knob"].tolist() == [5.5, 6.0]  # two rows have no spline
     assert table["qfrc.slide"].tolist() == pytest.approx([0.0, 9.81])

@@ -87,7 +87,7 @@ def test_a_piece_too_short_to_be_forecast_does_not_count(record: Record) -> None
     scrap = Recording.from_columns("b", {name: other[name][:30] for name in ("time", "qpos.hip", "ctrl.drive")})
     found = evaluate(model_text(), [whole, scrap], nthread=1)
     assert [entry["run"] for entry in found["runs"]] == ["a"]
-    assert any("less than 0.6 s: not forecast" in note for note in found["notes"])
+    assert any(note.startswith("b: lasts less than 0.6 s and is not forecast") for note in found["notes"])
 
 
 def test_no_recording_is_refused() -> None:
