@@ -31,8 +31,6 @@ _SETTINGS: dict[str, tuple[type, ...]] = {
     "sign": (int, float),
     "scale": (int, float),
     "offset": (int, float),
-    "rows_late": (int,),
-    "hold_order": (int,),
 }
 _HELD = ("ctrl", "qfrc")
 """Kinds of column that act from row to row, and may be late by some."""
@@ -40,7 +38,7 @@ _IN_TIME = {
     "rows_late": (range(sys.maxsize), "0 rows or more"),
     "hold_order": ((0, 1, 3), "0 (held), 1 (evenly to the next row) or 3 (smoothly, a cubic spline)"),
 }
-"""Settings of these alone: what they may be."""
+"""Settings of these alone, whole numbers: what they may be."""
 
 
 def read_rule(key: str, value: object, name: str) -> ColumnRule:
@@ -58,10 +56,11 @@ def read_rule(key: str, value: object, name: str) -> ColumnRule:
     if not isinstance(settings, Mapping):
         raise DataError(f"{name}: `{key}` wants the file's column name or a table of settings, found {value!r}.")
     for setting, content in settings.items():
-        if setting not in _SETTINGS:
-            raise DataError(f"{name}: `{key}` has an unknown setting `{setting}`: use {', '.join(_SETTINGS)}.")
         if setting in _IN_TIME:
             _check_in_time(key, setting, content, name)
+        elif setting not in _SETTINGS:
+            known = ", ".join([*_SETTINGS, *_IN_TIME])
+            raise DataError(f"{name}: `{key}` has an unknown setting `{setting}`: use {known}.")
         elif isinstance(content, bool) or not isinstance(content, _SETTINGS[setting]):
             raise DataError(f"{name}: `{setting}` of `{key}` is {content!r}: {_SETTINGS[setting][0].__name__} wanted.")
     if key == "run":

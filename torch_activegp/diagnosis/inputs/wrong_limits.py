@@ -23,7 +23,7 @@ _NOTED, _FEW = 0.1, 0.01
 def doubt_limits(model: mujoco.MjModel, recordings: Sequence[Recording]) -> list[str]:
     """Says which controls are so far beyond the model's limits that their unit or column is doubtful.
 
-    In most rows of a recording; or in all, where a control that changes is the same behind the limits.
+    In most rows of a recording; or in all of every recording, where a control that changes is never within.
 
     Args:
         model: nominal.
