@@ -45,10 +45,10 @@ from typing import Any
 
 import numpy as np
 import pandas as pd
-from scipy.interpolate import make_interp_spline
 
 from torch_activegp.data.checks import KINDS, check_finite, is_canonical
 from torch_activegp.data.column_rules import ColumnRule, read_rule
+from torch_activegp.data.spline_means import spline_means
 from torch_activegp.errors import DataError
 
 _COMMA = re.compile(r"[+-]?\d+,\d+")
@@ -188,8 +188,7 @@ def _means(values: pd.Series, time: pd.Series | None, runs: Any, order: int) -> 
     for _, own in values.groupby(runs, sort=False):
         clock = time[own.index].to_numpy()
         if len(own) > order and (np.diff(clock) > 0.0).all():
-            integral = make_interp_spline(clock, own.to_numpy(), order).antiderivative()(clock)
-            means[own.index[:-1]] = np.diff(integral) / np.diff(clock)
+            means[own.index[:-1]] = spline_means(clock, own.to_numpy(), clock, order)
     return means
 
 

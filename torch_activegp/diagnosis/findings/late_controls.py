@@ -8,11 +8,11 @@ from collections.abc import Callable, Sequence
 from typing import NamedTuple
 
 import numpy as np
-from scipy.interpolate import make_interp_spline
 
+from torch_activegp.data.spline_means import spline_means
 from torch_activegp.diagnosis.findings.changed_controls import driven, parts_of, with_controls
 from torch_activegp.diagnosis.findings.doubts import MUCH_LEFT
-from torch_activegp.diagnosis.inputs.runs import Array, Run
+from torch_activegp.diagnosis.inputs.runs import Run
 from torch_activegp.diagnosis.preparation.late import LIKE_A_TIME_STEP
 from torch_activegp.diagnosis.selection.explain import Explanation
 from torch_activegp.diagnosis.selection.judge import Judgement
@@ -49,14 +49,9 @@ def _smoothly(run: Run) -> Run:
     known = np.flatnonzero(run.recorded[:-1])
     if len(known) < 4:
         return _evenly(run)
-    clock = np.minimum(run.time, run.time[known[-1]])
-
-    def means(held: Array) -> Array:
-        along = make_interp_spline(run.time[known], held[known], 3).antiderivative()(clock)
-        steps = np.diff(clock)[:, None]
-        return np.where(steps > 0.0, np.diff(along, axis=0) / np.where(steps > 0.0, steps, 1.0), held)
-
-    return dataclasses.replace(run, control=means(run.control), force=means(run.force))
+    clock, time = np.minimum(run.time, run.time[known[-1]]), run.time[known]
+    control, force = (spline_means(time, held[known], clock) for held in (run.control, run.force))
+    return dataclasses.replace(run, control=control, force=force)
 
 
 class _Reading(NamedTuple):
