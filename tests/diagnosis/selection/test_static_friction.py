@@ -13,6 +13,7 @@ from torch_activegp.diagnosis.selection.static_friction import try_static_fricti
 from torch_activegp.diagnosis.selection.ties import as_part
 from torch_activegp.diagnosis.shooting.score import Score
 from torch_activegp.diagnosis.simulation.candidate import Candidate
+from torch_activegp.physics.bristles import BRISTLES
 from torch_activegp.physics.soft_friction import SOFT
 
 LEVEL = 0.3
@@ -69,3 +70,15 @@ def test_nothing_is_tried_beside_other_names_or_at_rest(bench) -> None:
         assert not other.held
     try_static_friction(shooting, selection, [dry])
     assert len(selection.fits) == 2
+
+
+def test_a_friction_of_bristles_keeps_them(bench) -> None:
+    shooting, selection, dry = compared(bench, bench.effect("coulomb_friction"), [LEVEL], 5e-3)
+    (bristled,) = (e for e in bench.effects if e.key == dry.key and e.variant == BRISTLES)
+    stiffness, damping = bristled.seeds[0][1:] * 1.5
+    (found,) = shooting.fit([((bristled,), (np.array([LEVEL, stiffness, damping]),))], selection.best.starts, hold=True)
+    selection.fits = [selection.nominal, found]
+    try_static_friction(shooting, selection, bench.effects)
+    assert [fit.effects[0].variant for fit in selection.held] == [BRISTLES] * 2
+    for fit in selection.held:
+        np.testing.assert_allclose(fit.values[0][3:], [stiffness, damping])

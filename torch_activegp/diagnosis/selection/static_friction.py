@@ -39,13 +39,18 @@ def try_static_friction(shooting: Shooting, selection: Selection, effects: Seque
 
 
 def _with_static_friction(pairs: Sequence[tuple[Effect, Array]], effects: Sequence[Effect]) -> list[Set]:
-    """A set with Stribeck's law, at values that are usual, in place of each Coulomb friction in turn."""
+    """A set with Stribeck's law, at values that are usual, in place of each Coulomb friction in turn; bristles stay."""
     return [
-        paired([*(pair for pair in pairs if pair[0] is not effect), (law, usual)])
+        paired([*(pair for pair in pairs if pair[0] is not effect), (law, _beside(usual, law, effect, values))])
         for effect, values in pairs
         if (law := _stribeck(effect, effects)) is not None
         for usual in law.usual(float(values[0]))
     ]
+
+
+def _beside(usual: Array, law: StribeckFriction, effect: Effect, values: Array) -> Array:
+    """The usual parameters of a law, and those of its bristles, where it has any, of the friction that it replaces."""
+    return np.concatenate([usual, law.taking_over(effect, values)[len(usual) :]])
 
 
 def _stribeck(effect: Effect, effects: Sequence[Effect]) -> StribeckFriction | None:
