@@ -11,7 +11,7 @@ from torch_activegp.data import Recording
 from torch_activegp.diagnosis.inputs.machine import make_machine
 from torch_activegp.diagnosis.inputs.segments import cut
 from torch_activegp.diagnosis.noise.model import NoiseModel
-from torch_activegp.diagnosis.shooting.chaining import _at_rest, borrowed, chained
+from torch_activegp.diagnosis.shooting.chaining import _at_rest, borrowed, chained, passed
 from torch_activegp.diagnosis.shooting.likelihood import ROUNDS, Shooting
 from torch_activegp.diagnosis.simulation.engine import Engine
 
@@ -171,3 +171,21 @@ def test_segments_begin_where_another_set_begins_them_if_that_is_better(bench) -
     assert borrowed(bench.shooting, fit, nominal) is fit  # nowhere better
     (lost,) = bench.shooting.fit([(fit.effects, fit.values)], begun, hold=True)
     assert borrowed(bench.shooting, lost, dataclasses.replace(known, starts=lost.starts)) is lost
+
+
+def test_a_fit_passes_through_where_longer_segments_begin(bench) -> None:
+    """Near where they begin; a smoothed recording is taken where the fit was not, and where its simulation failed."""
+    fit, longer = bench.fit("viscous_friction", 0.05), cut(bench.machine.fit, 0.9, 0.1)
+    smooth = bench.engine.starts(longer)
+    found = passed(bench.shooting, fit, longer)
+    along = bench.engine.trajectories(bench.segments, fit.starts, fit.candidate)
+    for s, (run, first) in enumerate(zip(longer.run, longer.first, strict=True)):
+        there = np.flatnonzero((bench.segments.run == run) & (bench.segments.first <= first))[-1]
+        np.testing.assert_array_equal(found[s], along[there, first - bench.segments.first[there]])
+    assert np.abs(found - smooth).max() > 1e-3
+    part = bench.shooting.pick(bench.segments.run == 1)
+    elsewhere = passed(part, fit.pick(bench.segments.run == 1), longer)
+    np.testing.assert_array_equal(elsewhere[longer.run == 0], smooth[longer.run == 0])
+    np.testing.assert_array_equal(elsewhere[longer.run == 1], found[longer.run == 1])
+    lost = dataclasses.replace(fit, starts=np.full_like(fit.starts, np.nan))
+    np.testing.assert_array_equal(passed(bench.shooting, lost, longer), smooth)

@@ -14,7 +14,7 @@ from torch_activegp.diagnosis.inputs.segments import Segments, cut, halve
 from torch_activegp.diagnosis.noise.model import NoiseModel
 from torch_activegp.diagnosis.preparation.brief_pieces import begun, brief
 from torch_activegp.diagnosis.preparation.unsure_controls import behind_gaps, unsure
-from torch_activegp.diagnosis.shooting.chaining import chained
+from torch_activegp.diagnosis.shooting.chaining import chained, passed
 from torch_activegp.diagnosis.shooting.fit import Fit
 from torch_activegp.diagnosis.shooting.likelihood import Shooting
 from torch_activegp.diagnosis.shooting.point import total
@@ -37,6 +37,8 @@ _USUAL, _MOST, _ELSEWHERE = 1.5, 2.0, 1 / 3
 """Times the median, which may be so many times the noise, that is noise; and where a segment is cut whose halves are no
 more. On a drive (EMPS) whose nominal is off by 1e6 times the noise, most halves left less than 1.5 times the median."""
 _ROUNDS = 6
+_FAR_BEHIND, _AGAIN = 400.0, 20
+"""Chi2 of a sample by which names may be off in a segment, and rounds of a fit to longer ones."""
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
@@ -117,6 +119,34 @@ def followed(machine: Machine, forms: Forms, noise: NoiseModel) -> tuple[Shootin
     return shooting, chained(shooting, fit)
 
 
+def followed_by(shooting: Shooting, known: Shooting, best: Fit) -> tuple[Shooting, Fit] | None:
+    """The likelihood over segments that a set of effects follows, of which those are halved that it does not; its fit.
+
+    Args:
+        shooting: the likelihood over segments of which none was halved.
+        known: that over other segments.
+        best: the set's fit to these.
+
+    Returns:
+        None where a simulation fails.
+    """
+    values = best.values
+    while True:
+        fit = shooting.fit([(best.effects, values)], passed(known, best, shooting.segments), _AGAIN)[0]
+        if not np.isfinite(fit.chi2):
+            return None
+        fit = chained(shooting, fit, rounds=_AGAIN)
+        segments, values = shooting.segments, fit.values
+        assert fit.design is not None
+        grows = _growth(fit, segments, shooting.noise, shooting.engine.model.nq) > _GROWTH
+        bad = segments.far_off(fit.per_segment, _FAR_BEHIND) | grows
+        long = segments.dt[:, 0] * np.diff(segments.scored, axis=1)[:, 0] > 1.5 * _SHORTEST
+        shorter = halve(segments, bad & long)
+        if shorter.size == segments.size:
+            return shooting, fit
+        shooting = dataclasses.replace(shooting, segments=shorter)
+
+
 def nominal_in_brief(machine: Machine, forms: Forms, noise: NoiseModel) -> Lengths | None:
     """How well the nominal follows brief pieces of the runs; None where rows are too far apart for any."""
     segments = brief(machine.fit)
@@ -143,9 +173,9 @@ def _loud(fit: Fit, pieces: Segments, whole: Segments) -> NDArray[np.bool_]:
     return most > _USUAL * float(np.clip(np.median(level), 1.0, _MOST))
 
 
-def uncut(machine: Machine) -> Segments:
-    """The segments before any is halved."""
-    return cut(machine.fit, max(SECONDS, ROWS * median_step(machine.fit)), PAD)
+def uncut(machine: Machine, times: int = 1) -> Segments:
+    """The segments before any is halved, or some so many times as long."""
+    return cut(machine.fit, times * max(SECONDS, ROWS * median_step(machine.fit)), PAD)
 
 
 def _roughly(shooting: Shooting, touches: bool = False) -> Fit:

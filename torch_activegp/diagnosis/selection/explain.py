@@ -22,6 +22,7 @@ from torch_activegp.diagnosis.selection.corrections import correct_alike
 from torch_activegp.diagnosis.selection.finer_steps import nameless_in_finer_steps, of_a_step, without_a_step
 from torch_activegp.diagnosis.selection.first_names import Naming, besides, in_brief_pieces, is_of, leaders, on_a_part
 from torch_activegp.diagnosis.selection.held_forces import of_held_forces
+from torch_activegp.diagnosis.selection.longer_segments import TIMES, Found, in_longer_segments
 from torch_activegp.diagnosis.selection.one_law import with_one_law
 from torch_activegp.diagnosis.selection.own_errors import by_their_own_errors
 from torch_activegp.diagnosis.selection.polish import polish
@@ -44,6 +45,8 @@ _LED = 3.0
 """Times the noise up to which names found in brief pieces need no part of the data any more."""
 _ANEW = 3
 """How often noise is taken anew behind what all data say."""
+_LONGER = 2
+"""How often segments are made longer behind what all data say."""
 _AGAIN = 3
 """How often numerics are looked at again behind new names."""
 _SETTLED = 0.8
@@ -131,15 +134,30 @@ class _OnAllData:
             floor = raised(floor, other)
             start = with_noise(self.machine, self.numerics, start, first, start.sets, start.free, other, self.tell)
         self.tell("naming on all data")
+        begun, start = start, self._longer(start, (first, start.sets, start.free), times=(1,))
         selection = self._select(start)
-        turn = 1
+        for _ in range(_LONGER):
+            best = selection.best
+            longer = self._longer(start, (best, besides(leaders(selection), best), selection.score.free))
+            if longer is start:
+                break
+            start, selection = longer, self._select(longer)
+        as_begun, turn = start is begun, 1
         while (
             turn <= _ANEW and (other := noise_behind(start.shooting, selection.best, floor, turn == _ANEW)) is not None
         ):
             floor, turn = raised(floor, other), turn + 1
             start, selection = self._behind(start, selection, other)
-        shaken = process_behind(start.shooting, start.nominal, selection.best)
+        shaken = process_behind(start.shooting, start.nominal, selection.best) if as_begun else None
         return (start, selection) if shaken is None else self._behind(start, selection, shaken)
+
+    def _longer(self, start: Start, found: Found, times: Sequence[int] = TIMES) -> Start:
+        """The same over longer segments where a set leaves more than noise in them."""
+        longer = in_longer_segments(self.machine, self.numerics, start, found, times)
+        if longer is None:
+            return start
+        self.tell("naming in longer segments")
+        return longer
 
     def _select(self, start: Start) -> Selection:
         _refuse_failed(start.shooting.segments, start.nominal, self.machine)

@@ -71,7 +71,8 @@ def with_noise(
     segments, nominal = start.shooting.segments, start.nominal
     sets: Sets = [*([(best.effects, best.values)] if best.effects else []), *rest]
     loud = float((start.shooting.noise.innovation / noise.innovation).max())
-    far = bool(segments.far_off(nominal.per_segment * loud**2, TOO_FAR).any())
+    least = np.minimum(nominal.per_segment, best.per_segment)
+    far = bool(segments.far_off(least * loud**2, TOO_FAR).any())
     near, nominal = best.without_derivatives, nominal.without_derivatives  # which are those of the other noise
     known = bool(sets and np.isfinite(start.first.chi2)) and set(sets[0][0]) <= set(start.first.effects)
     if not far and known and _alike(noise, start.noise):

@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from torch_activegp.diagnosis.inputs.runs import Array
+from torch_activegp.diagnosis.inputs.segments import Segments
 from torch_activegp.diagnosis.shooting.fit import Fit
 from torch_activegp.diagnosis.shooting.likelihood import ROUNDS, Shooting
 from torch_activegp.diagnosis.shooting.point import total
@@ -76,6 +77,23 @@ def borrowed(shooting: Shooting, fit: Fit, other: Fit) -> Fit:
     if found is fit or not fit.effects:
         return found
     return min(found, shooting.fit([(fit.effects, fit.values)], found.starts, near=found)[0], key=lambda one: one.chi2)
+
+
+def passed(shooting: Shooting, fit: Fit, segments: Segments) -> Array:
+    """The states ``(S, n)`` that a fit passes where other segments begin; a smoothed recording's where it does not.
+
+    Args:
+        shooting: the likelihood of the fit.
+        fit: of any set.
+        segments: the others, S of them.
+    """
+    known, engine = shooting.segments, shooting.engine
+    starts, along = engine.starts(segments), engine.trajectories(known, fit.starts, fit.candidate)
+    for s, (run, first) in enumerate(zip(segments.run, segments.first, strict=True)):
+        there = np.flatnonzero((known.run == run) & (known.first <= first) & (first <= known.scored[:, 1]))
+        state = along[there[-1], first - known.first[there[-1]]] if len(there) else starts[s]
+        starts[s] = state if np.isfinite(state).all() else starts[s]
+    return starts
 
 
 def _tried(shooting: Shooting, fit: Fit, where: NDArray[np.bool_], ways: Sequence[Array]) -> Fit:

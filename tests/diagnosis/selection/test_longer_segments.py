@@ -1,0 +1,93 @@
+"""A pendulum with viscous friction that its model lacks, in segments so short that any drag is close."""
+
+from __future__ import annotations
+
+import dataclasses
+
+import numpy as np
+import pytest
+
+from torch_activegp.diagnosis.inputs.segments import cut
+from torch_activegp.diagnosis.preparation.lengths import uncut
+from torch_activegp.diagnosis.preparation.numerics import Numerics
+from torch_activegp.diagnosis.selection.explain import _OnAllData
+from torch_activegp.diagnosis.selection.longer_segments import in_longer_segments
+from torch_activegp.diagnosis.selection.start import Start
+
+WRONG = "quadratic_drag"
+
+
+@pytest.fixture(scope="module")
+def numerics(bench):
+    return Numerics.of(bench.machine, 1)
+
+
+@pytest.fixture
+def begun(bench, numerics):
+    """What naming begins from in segments of a quarter of a second, by the set of one effect."""
+
+    def start(name: str, value: float) -> Start:
+        segments = cut(bench.machine.fit, 0.25, 0.1)
+        shooting = dataclasses.replace(bench.shooting, engine=numerics.fine, segments=segments)
+        nominal = shooting.fit([((), ())], shooting.engine.starts(segments))[0]
+        first = shooting.fit([((bench.effect(name),), (np.array([value]),))], nominal.starts)[0]
+        return Start(numerics.fine, shooting, nominal, [], first, frozenset(), shooting.noise)
+
+    return start
+
+
+def asked(bench, numerics, start: Start, **how) -> Start | None:
+    return in_longer_segments(bench.machine, numerics, start, (start.first, [], frozenset()), **how)
+
+
+def test_a_wrong_name_shows_in_longer_segments(bench, numerics, begun) -> None:
+    start = begun(WRONG, 0.02)
+    assert start.first.chi2 < 1.1 * start.shooting.dof  # any drag does in these
+    longer = asked(bench, numerics, start)
+    assert longer is not None
+    assert longer.shooting.segments.size == uncut(bench.machine).size  # the shortest in which it shows
+    assert longer.first.effects == start.first.effects
+    assert longer.first.chi2 > 3.0 * longer.shooting.dof
+    assert longer.nominal.chi2 > longer.first.chi2
+
+
+def test_segments_stay_as_they_are_where_the_right_name_leaves_noise(bench, numerics, begun) -> None:
+    assert asked(bench, numerics, begun("viscous_friction", 0.05)) is None
+
+
+def test_segments_are_no_longer_than_asked_for(bench, numerics, begun) -> None:
+    longer = asked(bench, numerics, begun(WRONG, 0.02), times=(2, 4))  # of runs of two seconds each is one
+    assert longer is not None
+    assert longer.shooting.segments.size == len(bench.machine.fit)
+
+
+@pytest.mark.parametrize(("nothing", "far", "most"), [(True, False, False), (False, True, False), (False, False, True)])
+def test_nothing_is_asked_of_sets_that_leave_much(
+    bench, numerics, begun, monkeypatch, nothing: bool, far: bool, most: bool
+) -> None:
+    """Nor of none at all: what they leave of the noise, or of the mismatch, shows already."""
+    start = begun(WRONG, 0.02)
+    if nothing:
+        start = dataclasses.replace(start, first=start.nominal)
+    if far:
+        start = dataclasses.replace(start, first=dataclasses.replace(start.first, chi2=2.1 * start.shooting.dof))
+    if most:
+        small = dataclasses.replace(start.nominal, chi2=start.first.chi2 + 1.0)
+        start = dataclasses.replace(start, nominal=small)
+    monkeypatch.setattr("torch_activegp.diagnosis.selection.longer_segments.followed_by", None)
+    assert asked(bench, numerics, start) is None
+
+
+def test_a_set_that_cannot_be_simulated_for_longer_changes_nothing(bench, numerics, begun, monkeypatch) -> None:
+    monkeypatch.setattr("torch_activegp.diagnosis.selection.longer_segments.followed_by", lambda *_: None)
+    assert asked(bench, numerics, begun(WRONG, 0.02)) is None
+
+
+def test_naming_goes_on_in_longer_segments(bench, numerics, begun) -> None:
+    start, told = dataclasses.replace(begun(WRONG, 0.02)), list[str]()
+    some = [bench.effect(name) for name in (WRONG, "viscous_friction")]
+    start, selection = _OnAllData(bench.machine, numerics, some, told.append).name(start, start.noise)
+    assert told[:2] == ["naming on all data", "naming in longer segments"]
+    assert start.shooting.segments.size == uncut(bench.machine).size
+    assert [effect.name for effect in selection.best.effects] == ["viscous_friction"]
+    assert selection.best.chi2 < 1.1 * start.shooting.dof
