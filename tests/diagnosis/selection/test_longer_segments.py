@@ -7,7 +7,9 @@ import dataclasses
 import numpy as np
 import pytest
 
+from tests.diagnosis.conftest import make_bench
 from torch_activegp.diagnosis.inputs.segments import cut
+from torch_activegp.diagnosis.inputs.steep_filter import SteepFilter
 from torch_activegp.diagnosis.preparation.lengths import uncut
 from torch_activegp.diagnosis.preparation.numerics import Numerics
 from torch_activegp.diagnosis.selection.explain import _OnAllData
@@ -61,21 +63,46 @@ def test_segments_are_no_longer_than_asked_for(bench, numerics, begun) -> None:
     assert longer.shooting.segments.size == len(bench.machine.fit)
 
 
-@pytest.mark.parametrize(("nothing", "far", "most"), [(True, False, False), (False, True, False), (False, False, True)])
-def test_nothing_is_asked_of_sets_that_leave_much(
-    bench, numerics, begun, monkeypatch, nothing: bool, far: bool, most: bool
-) -> None:
-    """Nor of none at all: what they leave of the noise, or of the mismatch, shows already."""
+@pytest.mark.parametrize("far", [True, False])
+def test_nothing_is_asked_of_sets_that_leave_much(bench, numerics, begun, monkeypatch, far: bool) -> None:
+    """What they leave of the noise, or of the mismatch, shows already."""
     start = begun(WRONG, 0.02)
-    if nothing:
-        start = dataclasses.replace(start, first=start.nominal)
     if far:
         start = dataclasses.replace(start, first=dataclasses.replace(start.first, chi2=2.1 * start.shooting.dof))
-    if most:
+    else:
         small = dataclasses.replace(start.nominal, chi2=start.first.chi2 + 1.0)
         start = dataclasses.replace(start, nominal=small)
     monkeypatch.setattr("torch_activegp.diagnosis.selection.longer_segments.followed_by", None)
     assert asked(bench, numerics, start) is None
+
+
+def test_what_is_weak_shows_in_the_longest_segments(bench, numerics, begun, monkeypatch) -> None:
+    """Without any name; but for what leaves more than is close there, which is asked in the shortest."""
+    start = begun(WRONG, 0.02)
+    start = dataclasses.replace(start, first=start.nominal)
+    longer = asked(bench, numerics, start)
+    assert longer is not None
+    assert longer.shooting.segments.size == uncut(bench.machine).size
+    monkeypatch.setattr("torch_activegp.diagnosis.selection.longer_segments._CLOSE", 1e4)
+    longest = asked(bench, numerics, start)
+    assert longest is not None
+    assert longest.shooting.segments.size == len(bench.machine.fit)
+    assert longest.first.effects == ()
+    assert longest.first.chi2 / longest.shooting.dof > longer.first.chi2 / longer.shooting.dof > 10.0
+
+
+def test_noise_alone_is_as_loud_in_any_segments() -> None:
+    bench = make_bench("none")
+    fine = Numerics.of(bench.machine, 1)
+    shooting = dataclasses.replace(bench.shooting, engine=fine.fine)
+    start = Start(fine.fine, shooting, bench.nominal, [], bench.nominal, frozenset(), shooting.noise)
+    assert asked(bench, fine, start) is None
+
+
+def test_what_a_steep_filter_took_is_not_known_over_longer_segments(bench, numerics, begun) -> None:
+    filtered = [dataclasses.replace(run, filters=(SteepFilter(0.2, 1e-3, (2, 1)),)) for run in bench.machine.fit]
+    start, machine = begun(WRONG, 0.02), dataclasses.replace(bench.machine, fit=filtered)
+    assert in_longer_segments(machine, numerics, start, (start.first, [], frozenset())) is None
 
 
 def test_a_set_that_cannot_be_simulated_for_longer_changes_nothing(bench, numerics, begun, monkeypatch) -> None:

@@ -22,7 +22,7 @@ from torch_activegp.diagnosis.selection.corrections import correct_alike
 from torch_activegp.diagnosis.selection.finer_steps import nameless_in_finer_steps, of_a_step, without_a_step
 from torch_activegp.diagnosis.selection.first_names import Naming, besides, in_brief_pieces, is_of, leaders, on_a_part
 from torch_activegp.diagnosis.selection.held_forces import of_held_forces
-from torch_activegp.diagnosis.selection.longer_segments import TIMES, Found, in_longer_segments
+from torch_activegp.diagnosis.selection.longer_segments import SHORTEST, TIMES, Found, in_longer_segments
 from torch_activegp.diagnosis.selection.one_law import with_one_law
 from torch_activegp.diagnosis.selection.own_errors import by_their_own_errors
 from torch_activegp.diagnosis.selection.polish import polish
@@ -134,10 +134,13 @@ class _OnAllData:
             floor = raised(floor, other)
             start = with_noise(self.machine, self.numerics, start, first, start.sets, start.free, other, self.tell)
         self.tell("naming on all data")
-        begun, start = start, self._longer(start, (first, start.sets, start.free), times=(1,))
+        begun, led = start, bool(start.first.effects)
+        start = self._longer(start, (start.first, start.sets, start.free), SHORTEST if led else TIMES)
         selection = self._select(start)
         for _ in range(_LONGER):
             best = selection.best
+            if not (led or best.effects):  # that was asked
+                break
             longer = self._longer(start, (best, besides(leaders(selection), best), selection.score.free))
             if longer is start:
                 break
