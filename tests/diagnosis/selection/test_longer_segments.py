@@ -57,8 +57,10 @@ def test_segments_stay_as_they_are_where_the_right_name_leaves_noise(bench, nume
     assert asked(bench, numerics, begun("viscous_friction", 0.05)) is None
 
 
-def test_segments_are_no_longer_than_asked_for(bench, numerics, begun) -> None:
-    longer = asked(bench, numerics, begun(WRONG, 0.02), times=(2, 4))  # of runs of two seconds each is one
+def test_segments_are_no_longer_than_asked_for(bench, numerics, begun, monkeypatch) -> None:
+    assert asked(bench, numerics, begun(WRONG, 0.02), times=(2,)) is None  # they would be too few
+    monkeypatch.setattr("torch_activegp.diagnosis.selection.longer_segments._FEWEST", 2)
+    longer = asked(bench, numerics, begun(WRONG, 0.02), times=(2,))
     assert longer is not None
     assert longer.shooting.segments.size == len(bench.machine.fit)
 
@@ -83,6 +85,7 @@ def test_what_is_weak_shows_in_the_longest_segments(bench, numerics, begun, monk
     longer = asked(bench, numerics, start)
     assert longer is not None
     assert longer.shooting.segments.size == uncut(bench.machine).size
+    monkeypatch.setattr("torch_activegp.diagnosis.selection.longer_segments._FEWEST", 2)
     monkeypatch.setattr("torch_activegp.diagnosis.selection.longer_segments._CLOSE", 1e4)
     longest = asked(bench, numerics, start)
     assert longest is not None

@@ -28,6 +28,8 @@ TIMES, SHORTEST = (1, 2, 4), (1,)
 _STRIKING = 2
 """So often at most where something touches: forms that are close in a second are not in four. A spring that is harder
 than linear was found on a striker in 4 s, and left 1.14 times the noise there."""
+_FEWEST = 10
+"""Segments there must be, where they are longer than those that none halved: intervals are judged by their spread."""
 _NEAR = 2.0
 """Times the noise that a set leaves at most to be asked over longer ones: of more there is much to see already."""
 _LITTLE = 0.5
@@ -84,9 +86,9 @@ def in_longer_segments(
 
 
 def _longer(machine: Machine, known: Segments, times: Sequence[int]) -> list[Segments]:
-    """Segments that are longer than some, the longest first; of those that are the same, one."""
-    each = {some.size: some for some in (uncut(machine, often) for often in sorted(times, reverse=True))}
-    return [some for some in each.values() if _are_longer(some, known)]
+    """Segments that are longer than some, the longest first: those that none halved, and more so if they are enough."""
+    each = [(often, uncut(machine, often)) for often in sorted(times, reverse=True)]
+    return [some for often, some in each if _are_longer(some, known) and (often == 1 or some.size >= _FEWEST)]
 
 
 def _there(
