@@ -10,6 +10,7 @@ from scipy import signal
 from torch_activegp.data import noise_std
 from torch_activegp.diagnosis.noise.floor import hides_filters, noise_floor
 from torch_activegp.diagnosis.noise.model import NoiseModel
+from torch_activegp.diagnosis.noise.video import video_errors
 
 
 def filtered(poles: tuple[float, float], rows: int) -> np.ndarray:
@@ -46,12 +47,20 @@ def test_a_motion_with_kinks_is_no_colour(make_plain_run) -> None:
     """A limit cycle in a backlash, 4 Hz: its harmonics reach through the whole band, and the noise is white."""
     rng, k = np.random.default_rng(0), np.arange(3000)
     cycle = np.abs((k * 0.0437 + 0.01 * np.cumsum(rng.normal(size=3000))) % 1.0 - 0.5)
-    kinked = 2e-2 * cycle + 5e-5 * rng.normal(size=3000)
+    kinked = motion(3000) + 2e-2 * cycle + 5e-5 * rng.normal(size=3000)
     spectrum_alone = noise_floor([make_plain_run(kinked, noise=1e-3)])  # had differences seen much more
     assert spectrum_alone.colour.any()
     found = noise_floor([make_plain_run(kinked, noise=6e-5)])
     assert not found.colour.any()
     assert found.scale[0] == pytest.approx(6e-5)
+
+
+@pytest.mark.parametrize(("part", "known"), [(0.03, True), (0.3, False), (100.0, True)])
+def test_what_is_a_large_part_of_the_motion_is_motion(make_plain_run, part, known) -> None:
+    """It falls as two poles do; a joint that rests has noise alone."""
+    noise = part * motion(8000).std() * filtered((1.6, -0.64), 8000)
+    found = noise_floor([make_plain_run(motion(8000) + noise, noise=noise_std(torch.from_numpy(noise)))])
+    assert found.colour.any() == known
 
 
 @pytest.mark.parametrize("poles", [(0.8, 0.0), (1.6, -0.64)])
@@ -124,13 +133,14 @@ def test_filters_hide_where_no_spectrum_shows_them(make_plain_run) -> None:
     assert not hides_filters([dataclasses.replace(slow, video=True)], 0)
 
 
-def test_the_errors_of_a_video_last(make_plain_run) -> None:
-    """Four times the level of the differences, for half a second and more; other slow recorders are believed."""
+def test_the_errors_of_a_video_are_its_noise(make_plain_run) -> None:
+    """Other slow recorders are believed."""
     run = make_plain_run(motion(60), noise=1e-3)
     slow = dataclasses.replace(run, time=run.time * 100 / 15)
     found = noise_floor([dataclasses.replace(slow, video=True)])
-    assert found.scale[0] == pytest.approx(4e-3)
-    assert found.colour[0, 0] ** (0.6 * 15) == pytest.approx(np.exp(-1.0))
+    colour, scale = video_errors([dataclasses.replace(slow, video=True)], 1e-3)
+    assert found.scale[0] == pytest.approx(scale)
+    np.testing.assert_allclose(found.colour[0], colour)
     assert not noise_floor([slow]).colour.any()
 
 

@@ -11,7 +11,7 @@ from torch_activegp.diagnosis.selection.compared import Selection
 from torch_activegp.diagnosis.selection.judge import judge
 from torch_activegp.diagnosis.selection.omnibus import Omnibus
 from torch_activegp.diagnosis.selection.search import select
-from torch_activegp.diagnosis.selection.weak import also_weak
+from torch_activegp.diagnosis.selection.weak import also_weak, with_weak
 from torch_activegp.diagnosis.shooting.likelihood import Shooting
 from torch_activegp.diagnosis.shooting.score import MATERIAL
 from torch_activegp.diagnosis.simulation.candidate import Candidate
@@ -167,3 +167,27 @@ def test_a_better_set_that_the_search_for_what_is_weak_comes_across_is_taken(cle
 )
 def test_a_quarter_of_what_was_left_may_stay_behind_what_is_weak(excess, p_value, enough) -> None:
     assert weak._leaves_noise(Omnibus(1000.0, 1e-30), Omnibus(excess, p_value)) == enough
+
+
+def test_what_was_compared_and_leaves_noise_alone_is_taken_at_once(clean) -> None:
+    """However little of the mismatch it explains; not where more is left, nor where hardly more is left without it."""
+    shooting, chosen = recorded(clean, 1.5e-4, 0.02 * NOISE)
+    both = [clean.effect(name) for name in NAMES[:2]]
+    (rich,) = shooting.fit([(both, (chosen.best.values[0], np.array([1e-4])))], chosen.best.starts)
+    chosen.add([rich])
+    chosen.rescale(shooting.dof)
+    best = chosen.best
+    assert len(best.effects) == 1
+    assert best.chi2 > 2.0 * shooting.dof > 1.9 * rich.chi2
+    assert with_weak(shooting, chosen).best is rich
+    assert chosen.best is best
+    chosen.cut_short = True
+    assert also_weak(shooting, chosen, both).best is rich
+    loud = dataclasses.replace(rich, chi2=1.2 * shooting.dof)
+    chosen.fits = [chosen.nominal, best, loud]
+    assert with_weak(shooting, chosen) is chosen
+    quiet = dataclasses.replace(best, chi2=1.4 * shooting.dof)
+    chosen.fits = [chosen.nominal, quiet, rich]
+    assert with_weak(shooting, chosen) is chosen
+    chosen.fits = [chosen.nominal]
+    assert with_weak(shooting, chosen) is chosen

@@ -14,6 +14,7 @@ from torch_activegp.diagnosis.inputs.steep_filter import SteepFilter
 from torch_activegp.diagnosis.noise.model import NoiseModel, colour_family, colour_scale, high_differences, spectrum
 from torch_activegp.diagnosis.noise.periods import noise_from_periods
 from torch_activegp.diagnosis.noise.shelf import LOWEST, shelf, shelf_behind, shelf_beside
+from torch_activegp.diagnosis.noise.video import video_errors
 
 _WINDOW = 128
 INNER = slice(4, -2)
@@ -34,14 +35,13 @@ _STEEPER = 0.15
 Its noise was taken for 40 to 1200 times what it was."""
 _AS_CLOSE = (1.3, 0.01)
 """So much more misfit than the least, times and plus, is as close."""
+_OF_MOTION, _RESTS = 0.1, 0.2
+"""Part of the motion from which on noise of two poles is that motion, which falls alike, unless the band has so much of
+its variance: a joint that rests has nothing but noise. Five joints of 900 had floors of 0.38 to 0.47 of it, 57 to 116
+times their noise, others of two poles 0.034 at most; a hammer's, of 0.2 and 79, hid a load of 7 times the noise."""
 _JOINTS = 3
-_COMPLETE = 0.9
-_JITTER = 0.02
+_COMPLETE, _JITTER = 0.9, 0.02
 _FINEST = 3e-5
-_VIDEO_TIME = 0.6
-_VIDEO_ERROR = 4.0
-"""The errors of a video (parallax, the lens, who marks a frame) last: frames of falling balls err by 0.1 to 0.15 m for
-half a second at a time, and by 0.03 m from one frame to the next."""
 _GROWS = 1.5
 """What a displacement of a prescribed joint becomes on its way through a segment, beyond what inertia makes of it."""
 
@@ -167,9 +167,14 @@ def _steep(runs: Sequence[Run], channel: int, seek: Callable[[Array, Array], Ste
     return None
 
 
+def motion(runs: Sequence[Run]) -> Array:
+    """The standard deviation of each channel within runs, ``(C,)``, rad or m."""
+    return np.asarray(np.sqrt(np.mean([run.position.var(axis=0) for run in runs], axis=0)))
+
+
 def finest(runs: Sequence[Run]) -> Array:
     """The least noise of each channel, ``(C,)``: a part of the motion within runs."""
-    return np.asarray(_FINEST * np.sqrt(np.mean([run.position.var(axis=0) for run in runs], axis=0)))
+    return _FINEST * motion(runs)
 
 
 def _own(runs: Sequence[Run], least: Array | float = 0.0) -> NoiseModel:
@@ -177,19 +182,12 @@ def _own(runs: Sequence[Run], least: Array | float = 0.0) -> NoiseModel:
     scale = np.maximum(np.sqrt(np.mean([run.noise**2 for run in runs], axis=0)), least) + 1e-12
     colour, steep = np.zeros((len(scale), 2)), steep_filters(runs)
     for channel in range(len(scale)):
-        found = noise_from_periods(runs, channel) or _video(runs, scale[channel]) or _colour(runs, channel)
+        found = noise_from_periods(runs, channel) or video_errors(runs, scale[channel]) or _colour(runs, channel)
         if found is not None:
             colour[channel], scale[channel] = found
         elif (filtered := steep[channel]) is not None:
             scale[channel] = filtered.scale
     return NoiseModel(np.asarray(scale), colour)
-
-
-def _video(runs: Sequence[Run], white: float) -> tuple[tuple[float, float], float] | None:
-    """Errors of a video that differ by so much from frame to frame; None where no run says that it is one."""
-    if not any(run.video for run in runs):
-        return None
-    return (float(np.exp(-median_step(runs) / _VIDEO_TIME)), 0.0), _VIDEO_ERROR * white
 
 
 def _carried(runs: Sequence[Run]) -> Array | float:
@@ -210,7 +208,7 @@ def _colour(runs: Sequence[Run], channel: int) -> tuple[tuple[float, float], flo
 
 
 class _Band(NamedTuple):
-    """A band above the motion: the closest poles, the level of what is new, and whether motion is in the band too."""
+    """A band above the motion: the closest poles, the level of what is new, and whether motion is in it too."""
 
     poles: tuple[float, float]
     level: float
@@ -220,19 +218,21 @@ class _Band(NamedTuple):
 def _above_motion(runs: Sequence[Run], channel: int) -> _Band | None:
     """The band that a noise of some colour is seen in, None where there is none.
 
-    Impacts, quick servos and tight loops move a machine in the usual band too. Such a motion is no noise of any colour:
-    one that is as loud as it would show more to high differences than there is, or the motion falls off more steeply.
+    Impacts, quick servos and tight loops move a machine in it too. Such a motion is no noise of any colour: one as loud
+    would show more to high differences than there is, or be much of the motion, or this falls off more steeply.
     """
     seen, lowest = _spectra(runs, channel), _lowest(runs)
     if seen is None or lowest > _NARROW:
         return None
-    frequency, power, level = seen
+    (frequency, power, level), whole = seen, motion(runs)[channel]
+    rests = power.sum() > _RESTS * _WINDOW * whole**2
     frequency, power = frequency[frequency >= lowest], power[frequency >= lowest]
     if power.min() <= _rounding(runs, channel):
         return None
     poles, new = _closest(frequency, power)
     shown = new**2 * high_differences(poles)
-    return _Band(poles, new, shown > _SHOWN * level or _moves(frequency, power))
+    loud = poles[1] != 0.0 and not rests and new > _OF_MOTION * whole * colour_scale(poles)
+    return _Band(poles, new, loud or shown > _SHOWN * level or _moves(frequency, power))
 
 
 def _rounding(runs: Sequence[Run], channel: int) -> float:

@@ -31,7 +31,7 @@ from torch_activegp.diagnosis.selection.prospects import hopeless
 from torch_activegp.diagnosis.selection.search import select
 from torch_activegp.diagnosis.selection.start import NO_FURTHER, TOO_FAR, WHOLE, Start, Tell, once_more, with_noise
 from torch_activegp.diagnosis.selection.static_friction import try_static_friction
-from torch_activegp.diagnosis.selection.weak import also_weak
+from torch_activegp.diagnosis.selection.weak import also_weak, with_weak
 from torch_activegp.diagnosis.shooting.fit import Fit
 from torch_activegp.diagnosis.shooting.likelihood import Shooting
 from torch_activegp.diagnosis.shooting.score import NOISE_ALONE
@@ -165,7 +165,8 @@ class _OnAllData:
     def _select(self, start: Start) -> Selection:
         _refuse_failed(start.shooting.segments, start.nominal, self.machine)
         tried, tell = self.effects, self.tell
-        return select(start.shooting, tried, start.nominal, start.sets, start.first, tell, start.free, start.depth)
+        found = select(start.shooting, tried, start.nominal, start.sets, start.first, tell, start.free, start.depth)
+        return with_weak(start.shooting, found)
 
     def _behind(self, start: Start, selection: Selection, noise: NoiseModel) -> tuple[Start, Selection]:
         """The same by another noise."""
