@@ -12,9 +12,11 @@ from torch_activegp.diagnosis.inputs.segments import cut
 from torch_activegp.diagnosis.inputs.steep_filter import SteepFilter
 from torch_activegp.diagnosis.preparation.lengths import uncut
 from torch_activegp.diagnosis.preparation.numerics import Numerics
+from torch_activegp.diagnosis.selection import explain
 from torch_activegp.diagnosis.selection.explain import _OnAllData
 from torch_activegp.diagnosis.selection.longer_segments import in_longer_segments
-from torch_activegp.diagnosis.selection.start import Start
+from torch_activegp.diagnosis.selection.search import select
+from torch_activegp.diagnosis.selection.start import WHOLE, Start
 
 WRONG = "quadratic_drag"
 
@@ -113,11 +115,14 @@ def test_a_set_that_cannot_be_simulated_for_longer_changes_nothing(bench, numeri
     assert asked(bench, numerics, begun(WRONG, 0.02)) is None
 
 
-def test_naming_goes_on_in_longer_segments(bench, numerics, begun) -> None:
-    start, told = dataclasses.replace(begun(WRONG, 0.02)), list[str]()
+def test_naming_goes_on_in_longer_segments(bench, numerics, begun, monkeypatch) -> None:
+    """As deep as it would have gone in the short ones."""
+    start, told, depths = begun(WRONG, 0.02), list[str](), []
+    monkeypatch.setattr(explain, "select", lambda *given: depths.append(given[-1]) or select(*given))
     some = [bench.effect(name) for name in (WRONG, "viscous_friction")]
     start, selection = _OnAllData(bench.machine, numerics, some, told.append).name(start, start.noise)
     assert told[:2] == ["naming on all data", "naming in longer segments"]
+    assert depths[0] == WHOLE
     assert start.shooting.segments.size == uncut(bench.machine).size
     assert [effect.name for effect in selection.best.effects] == ["viscous_friction"]
     assert selection.best.chi2 < 1.1 * start.shooting.dof

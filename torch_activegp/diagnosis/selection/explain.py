@@ -136,7 +136,8 @@ class _OnAllData:
         self.tell("naming on all data")
         begun, led = start, bool(start.first.effects)
         start = self._longer(start, (start.first, start.sets, start.free), SHORTEST if led else TIMES)
-        selection = self._select(start)
+        start = dataclasses.replace(start, depth=begun.depth)  # nothing was searched yet
+        as_begun, selection = start.shooting is begun.shooting, self._select(start)
         for _ in range(_LONGER):
             best = selection.best
             if not (led or best.effects):  # that was asked
@@ -144,8 +145,8 @@ class _OnAllData:
             longer = self._longer(start, (best, besides(leaders(selection), best), selection.score.free))
             if longer is start:
                 break
-            start, selection = longer, self._select(longer)
-        as_begun, turn = start is begun, 1
+            start, selection, as_begun = longer, self._select(longer), False
+        turn = 1
         while (
             turn <= _ANEW and (other := noise_behind(start.shooting, selection.best, floor, turn == _ANEW)) is not None
         ):

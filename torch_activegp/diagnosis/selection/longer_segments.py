@@ -49,7 +49,7 @@ def in_longer_segments(
     Segments are as short as the nominal wants them (:func:`~torch_activegp.diagnosis.preparation.lengths.longest`).
     Where it is far off, they are a quarter of a second, in which a small error makes little: a pendulum without its
     spring, whose damping and dry friction were too small as well, was left at 0.9 times the noise by spring and damping
-    in segments of 0.25 s, and at 35 times in those of 1 s. And what is weak shows where the nominal is followed for
+    in segments of 0.25 s, and at 7 times in those of 1 s. And what is weak shows where the nominal is followed for
     longer: a spring on a striker left 1.18 times the noise in 1 s, and 2.2 times in 4 s.
 
     Not behind a steep filter, where motion is known as the model tells it alone: a drag was found there that had left
@@ -95,7 +95,7 @@ def _there(
     numerics: Numerics, start: Start, whole: Shooting, fit: Fit, sets: Sets, free: frozenset[tuple[str, str]]
 ) -> Start | None:
     """What naming begins from over the segments of a likelihood; None where the nominal fails there."""
-    bare = whole.fit([((), ())], fit.starts)[0]
+    bare = whole.fit([((), ())], fit.starts)[0] if fit.effects else fit
     if not np.isfinite(bare.chi2):
         return None
     found = [*([(fit.effects, fit.values)] if fit.effects else []), *besides(sets, fit)]
