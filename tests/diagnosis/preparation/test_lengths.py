@@ -8,7 +8,7 @@ import pytest
 from tests.diagnosis.ram import ram
 from torch_activegp.diagnosis.noise.model import NoiseModel
 from torch_activegp.diagnosis.preparation import lengths
-from torch_activegp.diagnosis.preparation.lengths import longest, uncut
+from torch_activegp.diagnosis.preparation.lengths import followed_by, longest, uncut
 from torch_activegp.diagnosis.preparation.numerics import Numerics
 
 
@@ -152,3 +152,19 @@ def test_what_strikes_where_a_segment_is_cut_in_two_is_not_lost(
     found = longest(bench.machine, forms, bench.shooting.noise, 60.0)
     assert found.halved
     assert struck(found.segments).sum() == (not lost)
+
+
+def test_longer_segments_that_a_set_does_not_follow_are_halved(bench, monkeypatch) -> None:
+    """Where it is far off, or where small errors grow; none where a simulation fails."""
+    fit, known = bench.fit("viscous_friction", 0.05), bench.shooting
+    whole = dataclasses.replace(known, segments=uncut(bench.machine, 2))
+    same, found = followed_by(whole, known, fit)
+    assert same.segments.size == whole.segments.size
+    assert found.chi2 < 1.1 * same.dof
+    np.testing.assert_allclose(found.values[0], bench.viscous, rtol=0.02)
+    for name, bar in (("_FAR_BEHIND", 0.1), ("_GROWTH", 0.0)):
+        with monkeypatch.context() as patch:
+            patch.setattr(lengths, name, bar)
+            assert followed_by(whole, known, fit)[0].segments.size >= 2 * whole.segments.size
+    lost = dataclasses.replace(fit, values=(np.array([np.nan]),))
+    assert followed_by(whole, known, lost) is None

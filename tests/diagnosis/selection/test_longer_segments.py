@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import copy
 import dataclasses
 
 import numpy as np
@@ -108,6 +109,35 @@ def test_what_a_steep_filter_took_is_not_known_over_longer_segments(bench, numer
     filtered = [dataclasses.replace(run, filters=(SteepFilter(0.2, 1e-3, (2, 1)),)) for run in bench.machine.fit]
     start, machine = begun(WRONG, 0.02), dataclasses.replace(bench.machine, fit=filtered)
     assert in_longer_segments(machine, numerics, start, (start.first, [], frozenset())) is None
+
+
+def test_where_something_touches_four_seconds_are_too_long(bench, numerics, begun, monkeypatch) -> None:
+    monkeypatch.setattr("torch_activegp.diagnosis.selection.longer_segments._FEWEST", 2)
+    monkeypatch.setattr("torch_activegp.diagnosis.selection.longer_segments._CLOSE", 1e4)
+    touching = copy.copy(numerics)
+    object.__setattr__(touching, "stiff", True)
+    start, sizes = begun(WRONG, 0.02), []
+    monkeypatch.setattr(
+        "torch_activegp.diagnosis.selection.longer_segments.followed_by",
+        lambda whole, *_: sizes.append(whole.segments.size),
+    )
+    for some, asked_of in ((numerics, [2, 2, 4]), (touching, [2, 4])):  # of runs of two seconds
+        sizes.clear()
+        assert asked(bench, some, start) is None
+        assert sizes == asked_of
+
+
+@pytest.mark.parametrize("found", [False, True])
+def test_what_grows_with_time_and_has_no_name_is_left_as_it_was(bench, numerics, begun, found: bool) -> None:
+    """As a random force does; a name that takes half of it is taken."""
+    start = begun(WRONG, 0.02)
+    start = dataclasses.replace(start, first=start.nominal)
+    names = ["constant_force", *(["viscous_friction"] if found else [])]
+    work = _OnAllData(bench.machine, numerics, [bench.effect(name) for name in names], lambda _: None)
+    ended, selection, as_begun = work._in_any(start)
+    assert as_begun != found
+    assert (ended.shooting is start.shooting) != found
+    assert [effect.name for effect in selection.best.effects] == names[1:]
 
 
 def test_a_set_that_cannot_be_simulated_for_longer_changes_nothing(bench, numerics, begun, monkeypatch) -> None:

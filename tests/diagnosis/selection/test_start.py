@@ -46,13 +46,15 @@ def test_numerics_are_kept_for_much_the_same_noise_behind_the_same_set(
 
 
 def test_segments_stay_as_long_as_the_best_set_follows_them(bench, monkeypatch) -> None:
-    """However far off the nominal is; they are shortened where both are."""
+    """However far off the nominal is; they are shortened where both are, and chosen anew beside an acceleration."""
     numerics, first = Numerics.of(bench.machine, 1), bench.fit("viscous_friction", 0.05)
     shooting, far = bench.shooting, dataclasses.replace(bench.nominal, per_segment=1e6 * bench.nominal.per_segment)
     start = Start(numerics.fine, shooting, far, [], first, frozenset(), shooting.noise)
     asked: list[int] = []
     again = Lengths(shooting.segments, bench.nominal, bench.nominal, numerics.fine)
     monkeypatch.setattr("torch_activegp.diagnosis.selection.start.longest", lambda *_: asked.append(1) or again)
-    for best, often in ((first, 0), (dataclasses.replace(first, per_segment=far.per_segment), 1)):
-        with_noise(bench.machine, numerics, start, best, [], start.free, shooting.noise, lambda _: None)
+    shaken = dataclasses.replace(shooting.noise, process=np.array([1e-3]))
+    lost = dataclasses.replace(first, per_segment=far.per_segment)
+    for best, noise, often in ((first, shooting.noise, 0), (lost, shooting.noise, 1), (first, shaken, 2)):
+        with_noise(bench.machine, numerics, start, best, [], start.free, noise, lambda _: None)
         assert len(asked) == often

@@ -167,14 +167,14 @@ def _steep(runs: Sequence[Run], channel: int, seek: Callable[[Array, Array], Ste
     return None
 
 
-def motion(runs: Sequence[Run]) -> Array:
+def _motion(runs: Sequence[Run]) -> Array:
     """The standard deviation of each channel within runs, ``(C,)``, rad or m."""
     return np.asarray(np.sqrt(np.mean([run.position.var(axis=0) for run in runs], axis=0)))
 
 
 def finest(runs: Sequence[Run]) -> Array:
     """The least noise of each channel, ``(C,)``: a part of the motion within runs."""
-    return _FINEST * motion(runs)
+    return _FINEST * _motion(runs)
 
 
 def _own(runs: Sequence[Run], least: Array | float = 0.0) -> NoiseModel:
@@ -224,7 +224,7 @@ def _above_motion(runs: Sequence[Run], channel: int) -> _Band | None:
     seen, lowest = _spectra(runs, channel), _lowest(runs)
     if seen is None or lowest > _NARROW:
         return None
-    (frequency, power, level), whole = seen, motion(runs)[channel]
+    (frequency, power, level), whole = seen, _motion(runs)[channel]
     rests = power.sum() > _RESTS * _WINDOW * whole**2
     frequency, power = frequency[frequency >= lowest], power[frequency >= lowest]
     if power.min() <= _rounding(runs, channel):

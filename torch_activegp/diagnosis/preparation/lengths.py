@@ -130,14 +130,12 @@ def followed_by(shooting: Shooting, known: Shooting, best: Fit) -> tuple[Shootin
     Returns:
         None where a simulation fails.
     """
-    values = best.values
     while True:
-        fit = shooting.fit([(best.effects, values)], passed(known, best, shooting.segments), _AGAIN)[0]
-        if not np.isfinite(fit.chi2):
+        segments = shooting.segments
+        fit = shooting.fit([(best.effects, best.values)], passed(known, best, segments), _AGAIN)[0]
+        fit = chained(shooting, fit, rounds=_AGAIN) if np.isfinite(fit.chi2) else fit
+        if fit.design is None or not np.isfinite(fit.chi2):
             return None
-        fit = chained(shooting, fit, rounds=_AGAIN)
-        segments, values = shooting.segments, fit.values
-        assert fit.design is not None
         grows = _growth(fit, segments, shooting.noise, shooting.engine.model.nq) > _GROWTH
         bad = segments.far_off(fit.per_segment, _FAR_BEHIND) | grows
         long = segments.dt[:, 0] * np.diff(segments.scored, axis=1)[:, 0] > 1.5 * _SHORTEST

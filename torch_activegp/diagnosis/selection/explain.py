@@ -22,7 +22,7 @@ from torch_activegp.diagnosis.selection.corrections import correct_alike
 from torch_activegp.diagnosis.selection.finer_steps import nameless_in_finer_steps, of_a_step, without_a_step
 from torch_activegp.diagnosis.selection.first_names import Naming, besides, in_brief_pieces, is_of, leaders, on_a_part
 from torch_activegp.diagnosis.selection.held_forces import of_held_forces
-from torch_activegp.diagnosis.selection.longer_segments import SHORTEST, TIMES, Found, in_longer_segments
+from torch_activegp.diagnosis.selection.longer_segments import SHORTEST, TIMES, Found, in_longer_segments, shows
 from torch_activegp.diagnosis.selection.one_law import with_one_law
 from torch_activegp.diagnosis.selection.own_errors import by_their_own_errors
 from torch_activegp.diagnosis.selection.polish import polish
@@ -134,18 +134,7 @@ class _OnAllData:
             floor = raised(floor, other)
             start = with_noise(self.machine, self.numerics, start, first, start.sets, start.free, other, self.tell)
         self.tell("naming on all data")
-        begun, led = start, bool(start.first.effects)
-        start = self._longer(start, (start.first, start.sets, start.free), SHORTEST if led else TIMES)
-        start = dataclasses.replace(start, depth=begun.depth)  # nothing was searched yet
-        as_begun, selection = start.shooting is begun.shooting, self._select(start)
-        for _ in range(_LONGER):
-            best = selection.best
-            if not (led or best.effects):  # that was asked
-                break
-            longer = self._longer(start, (best, besides(leaders(selection), best), selection.score.free))
-            if longer is start:
-                break
-            start, selection, as_begun = longer, self._select(longer), False
+        start, selection, as_begun = self._in_any(start)
         turn = 1
         while (
             turn <= _ANEW and (other := noise_behind(start.shooting, selection.best, floor, turn == _ANEW)) is not None
@@ -154,6 +143,25 @@ class _OnAllData:
             start, selection = self._behind(start, selection, other)
         shaken = process_behind(start.shooting, start.nominal, selection.best) if as_begun else None
         return (start, selection) if shaken is None else self._behind(start, selection, shaken)
+
+    def _in_any(self, begun: Start) -> tuple[Start, Selection, bool]:
+        """The names in segments as long as they want, what they began from, and whether that is what was given.
+
+        The set that was given is asked in segments of a second, or none in longer ones; what is found, in longer ones.
+        """
+        named = bool(begun.first.effects)
+        start = self._longer(begun, (begun.first, begun.sets, begun.free), SHORTEST if named else TIMES)
+        start = dataclasses.replace(start, depth=begun.depth)  # nothing was searched yet
+        as_begun, selection = start.shooting is begun.shooting, self._select(start)
+        if not (as_begun or named or shows(start, selection.best)):
+            start, selection, as_begun = begun, self._select(begun), True
+        for _ in range(_LONGER if named or selection.best.effects else 0):
+            best = selection.best
+            longer = self._longer(start, (best, besides(leaders(selection), best), selection.score.free))
+            if longer is start:
+                break
+            start, selection, as_begun = longer, self._select(longer), False
+        return start, selection, as_begun
 
     def _longer(self, start: Start, found: Found, times: Sequence[int] = TIMES) -> Start:
         """The same over longer segments where a set leaves more than noise in them."""
@@ -238,7 +246,8 @@ def _finish(
                 tell("naming with the numerics seen behind the effects")
                 rest = besides(first, judged)
                 depth = once_more(start.depth)
-                selection = select(shooting, effects, bare, rest, judged, tell, selection.score.free, depth)
+                chosen = select(shooting, effects, bare, rest, judged, tell, selection.score.free, depth)
+                selection = with_weak(shooting, chosen)
         before, selection = selection.best, also_weak(shooting, selection, effects, tell)
         found = selection.best
         if set(found.effects) == set(before.effects) and not found.chi2 < _SETTLED * before.chi2:

@@ -63,16 +63,18 @@ def with_noise(
     """What naming begins from where what is left shows that the noise is another one.
 
     Numerics are judged by it too, unless it is much like the one that they were chosen by, behind a set that holds this
-    one; from where the best set was fitted, for a stop that begins elsewhere may end anywhere, by any form. Beside an
-    acceleration segments may be longer again: on EMPS all recordings count then, not 72 % of them.
+    one; from where the best set was fitted, for a stop that begins elsewhere may end anywhere, by any form. Segments
+    are shortened where neither the nominal nor the best set is near enough by that noise. Beside an acceleration those
+    that the nominal wants may be longer again: on EMPS all recordings count then, not 72 % of them.
     """
     tell("naming with the noise seen behind the effects")
     depth = _IN_VAIN if start.depth == NO_FURTHER else start.depth
     segments, nominal = start.shooting.segments, start.nominal
     sets: Sets = [*([(best.effects, best.values)] if best.effects else []), *rest]
     loud = float((start.shooting.noise.innovation / noise.innovation).max())
-    least = np.minimum(nominal.per_segment, best.per_segment)
-    far = bool(segments.far_off(least * loud**2, TOO_FAR).any())
+    shaken = noise.process is not None
+    left = nominal.per_segment if shaken else np.minimum(nominal.per_segment, best.per_segment)
+    far = bool(segments.far_off(left * loud**2, TOO_FAR).any())
     near, nominal = best.without_derivatives, nominal.without_derivatives  # which are those of the other noise
     known = bool(sets and np.isfinite(start.first.chi2)) and set(sets[0][0]) <= set(start.first.effects)
     if not far and known and _alike(noise, start.noise):
