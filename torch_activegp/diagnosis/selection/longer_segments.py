@@ -89,7 +89,7 @@ def shows(start: Start, best: Fit) -> bool:
     """Whether the best set leaves noise alone, or half of what the nominal does: a random force grows with time too.
 
     A torque of 0.015 N m that is another one at each row is nothing that names explain: a pendulum on which nothing
-    else was missing left 1.2 times the noise in 4 s.
+    else was missing left 1.08 times the noise in 1 s, and 1.8 times in 2 s.
 
     Args:
         start: what naming began from, over longer segments.
