@@ -11,6 +11,7 @@ import pytest
 from tests.diagnosis.conftest import make_bench
 from torch_activegp.diagnosis.inputs.segments import cut
 from torch_activegp.diagnosis.inputs.steep_filter import SteepFilter
+from torch_activegp.diagnosis.noise.model import NoiseModel
 from torch_activegp.diagnosis.preparation.lengths import uncut
 from torch_activegp.diagnosis.preparation.numerics import Numerics
 from torch_activegp.diagnosis.selection import explain
@@ -46,7 +47,7 @@ def asked(bench, numerics, start: Start, **how) -> Start | None:
 
 
 def test_a_wrong_name_shows_in_longer_segments(bench, numerics, begun) -> None:
-    start = begun(WRONG, 0.02)
+    start = dataclasses.replace(begun(WRONG, 0.02), noise=NoiseModel.white(np.array([1.0])))
     assert start.first.chi2 < 1.1 * start.shooting.dof  # any drag does in these
     longer = asked(bench, numerics, start)
     assert longer is not None
@@ -54,6 +55,7 @@ def test_a_wrong_name_shows_in_longer_segments(bench, numerics, begun) -> None:
     assert longer.first.effects == start.first.effects
     assert longer.first.chi2 > 3.0 * longer.shooting.dof
     assert longer.nominal.chi2 > longer.first.chi2
+    assert longer.noise is start.shooting.noise  # by which the numerics were chosen now
 
 
 def test_segments_stay_as_they_are_where_the_right_name_leaves_noise(bench, numerics, begun) -> None:
