@@ -81,8 +81,7 @@ def in_longer_segments(
         more.append(there)
         if there[1].chi2 < _CLOSE * there[0].dof:
             break
-    sets = [*([(best.effects, best.values)] if best.effects else []), *rest]
-    return _there(numerics, start, *more[-1], sets, free) if more else None
+    return _there(numerics, start, *more[-1], rest, free) if more else None
 
 
 def shows(start: Start, best: Fit) -> bool:
@@ -106,13 +105,13 @@ def _longer(machine: Machine, known: Segments, times: Sequence[int]) -> list[Seg
 
 
 def _there(
-    numerics: Numerics, start: Start, whole: Shooting, fit: Fit, sets: Sets, free: frozenset[tuple[str, str]]
+    numerics: Numerics, start: Start, whole: Shooting, fit: Fit, rest: Sets, free: frozenset[tuple[str, str]]
 ) -> Start | None:
-    """What naming begins from over the segments of a likelihood; None where the nominal fails there."""
+    """What naming begins from over the segments of a likelihood, a fit and more sets; None where the nominal fails."""
     bare = whole.fit([((), ())], fit.starts)[0] if fit.effects else fit
     if not np.isfinite(bare.chi2):
         return None
-    found = [*([(fit.effects, fit.values)] if fit.effects else []), *besides(sets, fit)]
+    found = [*([(fit.effects, fit.values)] if fit.effects else []), *besides(rest, fit)]
     engine, shooting, nominal, judged = numerics.choose(whole.segments, whole.noise, fit, bare, found)
     if not np.isfinite(nominal.chi2):
         return None
